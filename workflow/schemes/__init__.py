@@ -10,12 +10,12 @@ from workflow.models import Cases
 from workflow.registry import Registry
 from workflow.schemes._contract import ContractError, checked, refuse
 from workflow.schemes._fixed.central import Differences as CentralDifferences
-from workflow.schemes._fixed.central import init as init_central
 from workflow.schemes._fixed.contact import Contact
 from workflow.schemes._fixed.law import Response, Tip
 from workflow.schemes._fixed.march import contact_law
-from workflow.schemes._fixed.outcome import compute as step_central  # the operator of its `init` knows how it steps
-from workflow.schemes._fixed.outcome import compute as step_theta
+from workflow.schemes._fixed.operator import compute as step_central  # the operator of its `init` knows how it steps
+from workflow.schemes._fixed.operator import compute as step_theta
+from workflow.schemes._fixed.operator import init as init_central
 from workflow.schemes._fixed.recorder import Recorder
 from workflow.schemes._fixed.step_limits import limit_text
 from workflow.schemes._fixed.theta_method import init as init_theta

@@ -19,14 +19,16 @@ from typing import NamedTuple
 
 from workflow.kernels.lanes import FEWEST_LANES
 from workflow.models import Structure
-from workflow.schemes._fixed import blocks, central
+from workflow.schemes._fixed import operator
 from workflow.schemes._fixed.central import Differences as Options
 from workflow.schemes._fixed.contact import METRICS as METRICS
 from workflow.schemes._fixed.contact import Contact
 from workflow.schemes._fixed.law import Response, Tip
 from workflow.schemes._fixed.march import contact_law
-from workflow.schemes._fixed.outcome import Operator
-from workflow.schemes._fixed.outcome import compute as compute
+from workflow.schemes._fixed.operator import amplification as amplification
+from workflow.schemes._fixed.operator import compute as compute
+from workflow.schemes._fixed.operator import operator_name as operator_name
+from workflow.schemes._fixed.operator import thermal_amplification as thermal_amplification
 
 READS = frozenset({"h", "alpha"})
 
@@ -57,10 +59,6 @@ def respond(law: Multiplier, tip: Tip, h: float, theta: float) -> Response:
 CONTACT = Contact(lambda cases: Multiplier(), holds=True, rebounds=True)
 
 
-def init(structure: Structure, h: float, options: Options) -> Operator:
+def init(structure: Structure, h: float, options: Options) -> operator.Operator:
     """Diagonalise the structure once for a batch."""
-    return central.init(structure, float(h), options, CONTACT)
-
-
-operator_name = blocks.operator_name
-amplification, thermal_amplification = central.amplification, central.thermal_amplification
+    return operator.init(structure, float(h), options, CONTACT)

@@ -15,15 +15,17 @@ without mass have no impacts: contact is the complementarity of gap and force, a
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 from workflow.declare import quantity
 from workflow.kernels.lanes import FEWEST_LANES
-from workflow.models import Array, Structure
-from workflow.schemes._fixed import blocks, theta_method
+from workflow.models import Structure
+from workflow.schemes._fixed import operator
 from workflow.schemes._fixed.newton import NEWTON, REST
-from workflow.schemes._fixed.outcome import Operator
-from workflow.schemes._fixed.outcome import compute as compute
+from workflow.schemes._fixed.operator import amplification as amplification
+from workflow.schemes._fixed.operator import compute as compute
+from workflow.schemes._fixed.operator import operator_name as operator_name
+from workflow.schemes._fixed.operator import thermal_amplification as thermal_amplification
+from workflow.schemes._fixed.theta_method import ThetaMethod
 
 READS = frozenset({"e", "h", "alpha"})
 GENERAL = frozenset({"coating", "contacts", "damping", "depth", "elastic", "friction", "load", "massless"})
@@ -38,21 +40,13 @@ class Options:
 
     theta: float = quantity("1", "weight of the step's end, 1: implicit Euler", default=1.0, at_least=0, at_most=1)
 
+    @property
+    def method(self) -> ThetaMethod:
+        """The method of the scheme."""
+        return ThetaMethod(float(self.theta))
 
-def init(structure: Structure, h: float, options: Options) -> Operator:
+
+def init(structure: Structure, h: float, options: Options) -> operator.Operator:
     """Diagonalise the structure once for a batch."""
     contact = REST if structure.contacts.is_compliant else NEWTON
-    return theta_method.init(structure, float(h), float(options.theta), contact)
-
-
-operator_name = blocks.operator_name
-
-
-def amplification(frequency: Array, damping: Array, h: float, options: Options) -> Any:
-    """Return the eigenvalues (1 + (1-θ)hλ)/(1 - θhλ) of the free step of each mode."""
-    return theta_method.amplification(frequency, damping, h, options.theta)
-
-
-def thermal_amplification(rate: Array, h: float, options: Options) -> Array:
-    """Return (1 - (1-θ)hμ)/(1 + θhμ) of each thermal mode."""
-    return theta_method.thermal_amplification(rate, h, options.theta)
+    return operator.init(structure, float(h), options.method, contact)

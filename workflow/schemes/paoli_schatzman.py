@@ -20,13 +20,15 @@ from typing import Any, NamedTuple
 from workflow.kernels.compiled import defines
 from workflow.kernels.lanes import FEWEST_LANES
 from workflow.models import Structure
-from workflow.schemes._fixed import blocks, central
+from workflow.schemes._fixed import operator
 from workflow.schemes._fixed.central import Differences as Options
 from workflow.schemes._fixed.contact import Contact
 from workflow.schemes._fixed.law import Response, Tip, count_no_rebound, count_rebound
 from workflow.schemes._fixed.march import contact_law
-from workflow.schemes._fixed.outcome import Operator
-from workflow.schemes._fixed.outcome import compute as compute
+from workflow.schemes._fixed.operator import amplification as amplification
+from workflow.schemes._fixed.operator import compute as compute
+from workflow.schemes._fixed.operator import operator_name as operator_name
+from workflow.schemes._fixed.operator import thermal_amplification as thermal_amplification
 
 READS = frozenset({"e", "h", "alpha"})
 GENERAL = frozenset({"contacts", "damping", "depth", "friction", "load"})
@@ -56,10 +58,6 @@ defines(count_rebound, Newton)(count_no_rebound)
 CONTACT = Contact(lambda cases: Newton(cases.e))
 
 
-def init(structure: Structure, h: float, options: Options) -> Operator:
+def init(structure: Structure, h: float, options: Options) -> operator.Operator:
     """Diagonalise the structure once for a batch."""
-    return central.init(structure, float(h), options, CONTACT)
-
-
-operator_name = blocks.operator_name
-amplification, thermal_amplification = central.amplification, central.thermal_amplification
+    return operator.init(structure, float(h), options, CONTACT)

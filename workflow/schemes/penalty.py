@@ -15,15 +15,20 @@ As h → 0 the scheme converges to the motion with this spring, and to that with
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from functools import partial
+from typing import Literal
 
 from workflow.declare import quantity
 from workflow.kernels.lanes import FEWEST_LANES
-from workflow.models import Array, Structure
-from workflow.schemes._fixed import blocks, central, spring, step_limits, theta_method
+from workflow.models import Structure
+from workflow.schemes._fixed import operator, spring, step_limits
+from workflow.schemes._fixed.central import Differences
 from workflow.schemes._fixed.contact import METRICS as METRICS
-from workflow.schemes._fixed.outcome import Operator
-from workflow.schemes._fixed.outcome import compute as compute
+from workflow.schemes._fixed.operator import amplification as amplification
+from workflow.schemes._fixed.operator import compute as compute
+from workflow.schemes._fixed.operator import operator_name as operator_name
+from workflow.schemes._fixed.operator import thermal_amplification as thermal_amplification
+from workflow.schemes._fixed.theta_method import ThetaMethod
 from workflow.schemes._interface import NEEDS_MASS, RefusedStructureError
 
 READS = frozenset({"h", "alpha"})
@@ -31,8 +36,6 @@ GENERAL = frozenset({"contacts", "damping", "depth", "friction", "load", "massle
 HARMONICS = frozenset({"load", "casing"})
 TOGETHER = FEWEST_LANES
 STEP_SECONDS = 1.3e-10
-
-_CENTRAL = central.Differences(heat="explicit")
 
 
 @dataclass(frozen=True)
@@ -48,6 +51,11 @@ class Options:
     theta: float = quantity(
         "1", "weight of the step's end where implicit, 1: implicit Euler", default=1.0, at_least=0, at_most=1
     )
+
+    @property
+    def method(self) -> operator.Method:
+        """The method of the scheme."""
+        return Differences(heat="explicit") if self.integration == "explicit" else ThetaMethod(float(self.theta))
 
 
 def contact_stiffness_of(structure: Structure, options: Options) -> float:
@@ -89,27 +97,9 @@ def contact_limit(structure: Structure, options: Options, friction: float = 0.0)
     return step_limits.implicit_limit(structure, contact_stiffness_of(structure, options), friction)
 
 
-def init(structure: Structure, h: float, options: Options) -> Operator:
+def init(structure: Structure, h: float, options: Options) -> operator.Operator:
     """Diagonalise the structure once for a batch."""
-    h, stiffness, damping = float(h), contact_stiffness_of(structure, options), float(options.damping)
-    theta, explicit = float(options.theta), options.integration == "explicit"
-    if explicit:
-        return central.init(structure, h, _CENTRAL, spring.central_contact(stiffness, damping))
-    return theta_method.init(structure, h, theta, spring.theta_contact(theta, stiffness, damping))
-
-
-operator_name = blocks.operator_name
-
-
-def amplification(frequency: Array, damping: Array, h: float, options: Options) -> Any:
-    """Return the eigenvalues of the free step of each mode."""
-    if options.integration == "implicit":
-        return theta_method.amplification(frequency, damping, h, options.theta)
-    return _CENTRAL.amplification(frequency, damping, h)
-
-
-def thermal_amplification(rate: Array, h: float, options: Options) -> Array:
-    """Return the factor of the free heat step of each thermal mode."""
-    if options.integration == "implicit":
-        return theta_method.thermal_amplification(rate, h, options.theta)
-    return _CENTRAL.decay(h, rate)
+    stiffness, damping = contact_stiffness_of(structure, options), float(options.damping)
+    explicit = options.integration == "explicit"
+    of_spring = spring.central_contact if explicit else partial(spring.theta_contact, float(options.theta))
+    return operator.init(structure, float(h), options.method, of_spring(stiffness, damping))

@@ -24,10 +24,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.models import Array, ContactBasis, Structure, needs_matrices, project
+from workflow.models import Array, ContactBasis, project
 from workflow.poles import real_blocks
 from workflow.schemes._fixed.law import CentralStep, TipStep
-from workflow.schemes._fixed.outcome import ROUNDING
+
+ROUNDING = 16 * np.finfo(float).eps
+"""Excess of a spectral radius over 1 up to which it is the rounding of the few operations that compute it."""
 
 LEAST_SHARE = 1e-14
 """Component of a mode at the tip, relative to the largest, up to which it is the rounding of the shape."""
@@ -67,8 +69,9 @@ class Step(NamedTuple):
     """w, a and b, ``(thermal mode,)``: τ at a step's beginning loads a mode with w G τ in it, and its response
     ξ = R τ has the dynamic stiffness m δ² + a c δ + b ω². No digit is lost in that, unlike in D - S where hμ and hω are
     large."""
-    coupling_theta: float
-    """Weight of a step's contact heat in the thermal load of that step: θ of the θ-method, 0 of central differences."""
+    theta: float
+    """Weight of the step's end in the way of the casing, and of a step's contact heat in its thermal load: θ of the
+    θ-method, 0 of central differences."""
     heat_theta: float
     """Weight of the temperatures at a step's end in its heat loss."""
     lagged: bool
@@ -90,7 +93,7 @@ class Step(NamedTuple):
 
         W = w_i Ŵ⁻¹ (w_j - µ t_j + α hθ K12 T̂⁻¹ s_j).
         """
-        pulled = self.tip.h * self.coupling_theta * (modal.coupling @ self.heat_gain.T).T
+        pulled = self.tip.h * self.theta * (modal.coupling @ self.heat_gain.T).T
         moved = (self.moved_by(rows.T).T for rows in (modal.normal, modal.tangent, pulled))
         return np.stack([np.sum(modal.normal[:, None] * rows, axis=2) for rows in moved])
 
@@ -181,7 +184,7 @@ class Blocks:
 
     def of_heat(self, heat: Array) -> Array:
         """Return u and η, without the response R τ, per ``heat`` that enters τ, ``(2, block, column)``."""
-        pulls = -self.step.tip.h * self.step.coupling_theta * project(self.modal.coupling, heat.T).T
+        pulls = -self.step.tip.h * self.step.theta * project(self.modal.coupling, heat.T).T
         return np.asarray(self.of_impulses(pulls) - self.thermal_response(heat))
 
     def thermal_response(self, heat: Array) -> Array:
@@ -218,13 +221,6 @@ def effective_mass(modal: ContactBasis, diagonal: Array, share: float) -> Array:
     if modal.damping_matrix is None:
         return diagonal
     return np.diag(diagonal) + share * (modal.damping_matrix - np.diag(modal.damping))
-
-
-def operator_name(structure: Structure) -> str:
-    """Return the coordinates in which a structure is stepped, as ``plan`` prints them."""
-    coupled = ", coupled by damping or by where the load acts" if needs_matrices(structure) else ""
-    sizes = f"{structure.mechanical_size} mechanical + {structure.thermal_size} thermal coordinates"
-    return f"{sizes}, those of the contact among them{coupled}"
 
 
 def _transformed(rows: Array | None, states: Array) -> Array:

@@ -24,19 +24,12 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from workflow.models import Array, Cases, ContactBasis, Structure, analyse_contacts, project
-from workflow.schemes._fixed.blocks import Blocks, Step, effective_mass, separate
+from workflow.models import Array, Cases, ContactBasis, project
+from workflow.schemes._fixed.blocks import Step, effective_mass
 from workflow.schemes._fixed.contact import Contact
 from workflow.schemes._fixed.law import CentralStep
-from workflow.schemes._fixed.loads import start_of
-from workflow.schemes._fixed.march import step_batch
-from workflow.schemes._fixed.outcome import ROUNDING, Outcome, judged
-from workflow.schemes._fixed.step_limits import limit_text
-from workflow.schemes._fixed.stepping import Ended, collect
-from workflow.schemes._fixed.unsolved import explained, friction_message
-from workflow.schemes._interface import Results, Sampling
+from workflow.schemes._fixed.loads import Start
 
 
 @dataclass(frozen=True)
@@ -47,6 +40,16 @@ class Differences:
     """Velocity in the damping force: ``central`` (x_k+1 - x_k-1)/2h or ``lagged`` (x_k - x_k-1)/h."""
     heat: Literal["explicit", "implicit"] = "implicit"
     """Temperature in conduction: ``implicit`` T_k+1 or ``explicit`` T_k, which has a stability limit of its own."""
+
+    @property
+    def method(self) -> Differences:
+        """The method of a scheme with these options."""
+        return self
+
+    @property
+    def limit_is(self) -> str:
+        """The beginning of a sentence that ends with the largest stable step."""
+        return "central differences are stable up to"
 
     @property
     def lagged(self) -> bool:
@@ -92,118 +95,34 @@ class Differences:
             limits.append(float(np.max(rate, initial=0.0)) / 2)
         return 1 / max(limits) if max(limits) > 0 else float("inf")
 
+    def step(self, modal: ContactBasis, h: float) -> Step:
+        """Return the coefficients of the step."""
+        decay, (inertia, _) = self.decay(h, modal.rate), self.damped(h, modal.damping)
+        heat_gain = modal.heat * (decay if self.implicit_heat else 1.0)
+        return Step(
+            tip=CentralStep(h, 1.0, 0.5 * modal.recorded @ heat_gain.T),
+            inertia=effective_mass(modal, inertia, 0.0 if self.lagged else h / 2),
+            stiffening=h,
+            lever=h,
+            energy_lever=h / 2,
+            decay=decay,
+            heat_gain=heat_gain,
+            slope=-modal.rate * (decay if self.implicit_heat else 1.0),
+            load_weight=np.ones_like(decay),
+            damping_weight=np.ones_like(decay) if self.lagged else (1 + decay) / 2,
+            stiffness_weight=decay,
+            theta=0.0,
+            heat_theta=float(self.implicit_heat),
+            lagged=self.lagged,
+        )
 
-def amplification(frequency: Array, damping: Array, h: float, options: Differences) -> Any:
-    """Return the eigenvalues of the free step of each mode."""
-    return options.amplification(frequency, damping, h)
-
-
-def thermal_amplification(rate: Array, h: float, options: Differences) -> Array:
-    """Return 1 - hμ of each thermal mode, 1/(1 + hμ) where heat is implicit."""
-    return options.decay(h, rate)
-
-
-@dataclass(frozen=True, eq=False)
-class Operator:
-    """Common data of a batch: structure, step h [s], differences, the structure in blocks, and its contact."""
-
-    structure: Structure
-    h: float
-    differences: Differences
-    blocks: Blocks
-    contact: Contact
-
-    def run(self, cases: Cases, sampling: Sampling, heated: bool) -> Results:
-        """Step cases that all carry thermal states, or that all carry none."""
-        contact, h, blocks = self.contact, self.h, self.blocks if heated else self.blocks.without_heat()
-        drive, begins = start_of(self.structure, cases, h, 0.0, sampling.duration)
-        before = _half_step_before(blocks.modal, cases, h)
-        if contact.stiffness > 0:
-            force = contact.stiffness * np.fmax(0.0, begins.displacement - begins.gap)
-            along = cases.friction[:, None] * project(blocks.modal.tangent.T, force)
-            before += 0.5 * h * (project(blocks.modal.normal.T, force) - along)
-        ended = step_batch(self.structure, blocks, contact, cases, before, sampling, drive, begins)
-        # squared: the state of a growing contact may be finite where its energy is not
-        last = [ended.watched.contact[name] for name in ("displacement", "velocity", "temperature")]
-        finite = np.asarray(np.isfinite(np.square(last)).all(axis=(0, 1)))
-        return collect(ended, *_judge(self, blocks, cases, finite, ended))
-
-
-def init(structure: Structure, h: float, differences: Differences, contact: Contact) -> Operator:
-    """Separate a structure into blocks, once for a batch."""
-    modal = analyse_contacts(structure)
-    return Operator(structure, h, differences, separate(modal, step(modal, h, differences)), contact)
-
-
-def step(modal: ContactBasis, h: float, differences: Differences) -> Step:
-    """Return the coefficients of the step."""
-    decay, (inertia, _) = differences.decay(h, modal.rate), differences.damped(h, modal.damping)
-    heat_gain = modal.heat * (decay if differences.implicit_heat else 1.0)
-    return Step(
-        tip=CentralStep(h, 1.0, 0.5 * modal.recorded @ heat_gain.T),
-        inertia=effective_mass(modal, inertia, 0.0 if differences.lagged else h / 2),
-        stiffening=h,
-        lever=h,
-        energy_lever=h / 2,
-        decay=decay,
-        heat_gain=heat_gain,
-        slope=-modal.rate * (decay if differences.implicit_heat else 1.0),
-        load_weight=np.ones_like(decay),
-        damping_weight=np.ones_like(decay) if differences.lagged else (1 + decay) / 2,
-        stiffness_weight=decay,
-        coupling_theta=0.0,
-        heat_theta=float(differences.implicit_heat),
-        lagged=differences.lagged,
-    )
-
-
-def _half_step_before(modal: ContactBasis, cases: Cases, h: float) -> Array:
-    """Return the modal w_-½ = v_0 - (h/2) a_0, with the acceleration without contact, ``(case, mode)``."""
-    velocity = project(modal.to_modes, cases.velocity)
-    force = cases.load_at(0.0)
-    acceleration = project(modal.shapes.T, cases.steady) + force[:, None] * modal.load
-    damped = modal.damping * velocity if modal.damping_matrix is None else project(modal.damping_matrix, velocity)
-    acceleration -= damped + modal.frequency**2 * project(modal.to_modes, cases.displacement)
-    acceleration -= project(modal.coupling, project(modal.to_thermal, cases.temperature))
-    return np.asarray(velocity - 0.5 * h * acceleration)
-
-
-def growth(structure: Structure, h: float, differences: Differences) -> str | None:
-    """Return how the free step of a structure grows, ``None`` where it does not."""
-    modal = analyse_contacts(structure)
-    return _growth(separate(modal, step(modal, h, differences)), h, differences)
-
-
-def _growth(blocks: Blocks, h: float, differences: Differences) -> str | None:
-    modal, free = blocks.modal, blocks.spectral_radius
-    if blocks.outward is None:
-        free = np.abs(differences.amplification(modal.frequency, modal.damping, h)).max(initial=0.0)
-    heat = np.abs(blocks.step.decay).max(initial=0.0)
-    grown = float(max(free, heat))
-    if grown <= 1 + ROUNDING:
-        return None
-    limit = differences.largest_stable_step(modal.frequency, modal.damping, modal.rate)
-    what = "free step" if free >= heat else "explicit heat step"
-    return (
-        f"the {what} grows {grown:.6g}-fold at h = {h:.6g} s; central differences are stable up to "
-        f"{limit_text(limit, 7)} s"
-    )
-
-
-def _judge(operator: Operator, blocks: Blocks, cases: Cases, finite: NDArray[np.bool_], ended: Ended) -> Outcome:
-    """Return the status and message of each case."""
-    h, grown = operator.h, _growth(blocks, operator.h, operator.differences)
-
-    modal, contact = operator.blocks.modal, operator.contact
-    together = explained(
-        operator.structure, modal, contact, lambda h: step(modal, h, operator.differences), h, ended.unsolved
-    )
-
-    def explain(case: int) -> str:
-        alpha, friction = float(cases.alpha[case]), float(cases.friction[case])
-        if len(modal.normal) == 1:
-            return friction_message(h, friction, contact.name)
-        return together(alpha, friction, case)
-
-    left = f"the energy left the finite numbers at h = {h:.6g} s"
-    return judged(finite, ended.ambiguous & (grown is None), explain, grown, left)
+    def first_velocity(self, modal: ContactBasis, h: float, cases: Cases, begins: Start, contact: Contact) -> Array:
+        """Return w_-½ = v_0 - (h/2) a_0 of the modes, ``(case, mode)``, with a_0 without contact but for a spring."""
+        velocity = project(modal.to_modes, cases.velocity)
+        acceleration = project(modal.shapes.T, cases.steady) + cases.load_at(0.0)[:, None] * modal.load
+        damped = modal.damping * velocity if modal.damping_matrix is None else project(modal.damping_matrix, velocity)
+        acceleration -= damped + modal.frequency**2 * project(modal.to_modes, cases.displacement)
+        acceleration -= project(modal.coupling, project(modal.to_thermal, cases.temperature))
+        force = contact.stiffness * np.fmax(0.0, begins.displacement - begins.gap)
+        along = cases.friction[:, None] * project(modal.tangent.T, force)
+        return np.asarray(velocity - 0.5 * h * (acceleration - project(modal.normal.T, force) + along))

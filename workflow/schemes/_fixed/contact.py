@@ -11,6 +11,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from workflow.kernels.compiled import by_type, defines, inlined
 from workflow.kernels.packs import (
     Lane,
@@ -48,6 +50,12 @@ METRICS = {
 """Metrics of schemes without a restitution coefficient besides the common ones: unit and meaning."""
 
 
+def effective_restitution(approached: Array, separated: Array) -> dict[str, Array]:
+    """Return -Σ v⁺v⁻ / Σ (v⁻)² of each case; NaN where no contact has ended or a sum is not finite."""
+    met = (approached > 0) & np.isfinite(approached) & np.isfinite(separated)
+    return {"effective_restitution": np.where(met, separated / np.where(met, approached, 1.0), np.nan)}
+
+
 @dataclass(frozen=True, eq=False)
 class Contact:
     """Contact of a scheme, for any structure."""
@@ -66,8 +74,6 @@ class Contact:
     """Whether the scheme gives the metric ``effective_restitution``."""
     by_place: bool = False
     """Whether an impulse is h times the force at the step's end, as of a contact without mass that keeps its place."""
-    judges_heat: bool = True
-    """Whether an unstable heat step also makes cases without heat ``diverged`` (θ-method in modes, θ < 1/2)."""
 
     def force_weight(self, theta: float) -> float:
         """Return the weight of the force at a step's end in its impulse over h."""

@@ -28,7 +28,16 @@ from workflow.schemes._fixed import balance, stepping
 from workflow.schemes._fixed.balance import Account, Balances, dense_of
 from workflow.schemes._fixed.blocks import Blocks
 from workflow.schemes._fixed.coating import Worn, enter_sectors, fill_map, wear
-from workflow.schemes._fixed.contact import Contact, Meeting, approach, count_of, leave, respond_in, was_pressed
+from workflow.schemes._fixed.contact import (
+    Contact,
+    Meeting,
+    approach,
+    count_of,
+    effective_restitution,
+    leave,
+    respond_in,
+    was_pressed,
+)
 from workflow.schemes._fixed.free_motion import (
     FreeStep,
     LastStep,
@@ -46,7 +55,6 @@ from workflow.schemes._fixed.free_motion import (
 )
 from workflow.schemes._fixed.law import CentralStep, Law, TipStep, coupling_of, respond
 from workflow.schemes._fixed.loads import DriveRows, Start, load_at_end, start_load, tip_load, turn_drive, turn_load
-from workflow.schemes._fixed.outcome import effective_restitution
 from workflow.schemes._fixed.rows import Acting, Own
 from workflow.schemes._fixed.sensing import sense, sensing_of
 from workflow.schemes._fixed.stepping import Batch, CaseBlock, Ended, Now

@@ -17,7 +17,7 @@ from workflow.kernels.lanes import LANES, lane_table, named_rows, rows_in
 from workflow.models import Cases, EndState, Structure, project, static_growth
 from workflow.schemes._fixed.balance import Balance
 from workflow.schemes._fixed.loads import Start
-from workflow.schemes._fixed.outcome import judged
+from workflow.schemes._fixed.operator import judged
 from workflow.schemes._fixed.rows import ContactRecord, Totals
 from workflow.schemes._fixed.stepping import (
     WAITING,

@@ -107,7 +107,6 @@ def theta_contact(theta: float, stiffness: float, damping: float) -> Contact:
         "1 + hθW (hθκ + c)",
         stiffness=stiffness,
         rebounds=True,
-        judges_heat=False,
     )
 
 
