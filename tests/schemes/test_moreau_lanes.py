@@ -11,13 +11,12 @@ from hypothesis import strategies as st
 
 from plain_steps import march
 from scenes import alone, cases, chain, heavy_chain, rubs, same_bits, sampling, step, taken
-from workflow.kernels import Array
 from workflow.kernels.compiled import kernel
-from workflow.kernels.lanes import LANES, PACK, lane_rows, lane_table, named_rows, rows_in, several_rows
+from workflow.kernels.lanes import LANES, PACK, lane_rows, lane_table, rows_in, several_rows
 from workflow.kernels.pack_operations import BROAD
 from workflow.models import Rayleigh
 from workflow.schemes import Sampling, schedule
-from workflow.schemes._fixed.loads import TipLoads, start_load, start_of
+from workflow.schemes._fixed.loads import Wave, start_of, start_waves
 from workflow.schemes._fixed.rows import Acting
 from workflow.schemes._fixed.stepping import WAITING, Batch, batch_of, keep_idle_off, load_block, rows_of, watch
 
@@ -95,24 +94,25 @@ def test_idle_lanes_are_at_rest_far_from_their_casing() -> None:
     (contact,) = block.contacts
     for first, used in ((0, LANES), (LANES, 3)):
         _load(batch, (act,), first, used)
-        still = contact.displacement, contact.velocity, contact.temperature, block.load.amplitude
+        still = contact.displacement, contact.velocity, contact.temperature, block.load.waves[0].amplitude
         assert np.all(contact.displacement[:used] == 1e-5)
         assert not np.any([row[used:] for row in still])
         assert np.all(np.isinf(act.casing[:LANES]) == (np.arange(LANES) >= used))
 
 
 @kernel
-def _start(load: TipLoads, lanes: int, leader: Array) -> None:
-    leader[0] = start_load(1e-3, load, lanes)
+def _start(waves: Sequence[Wave], lanes: int) -> None:
+    start_waves(waves, lanes)
 
 
 @pytest.mark.parametrize(
-    ("amplitude", "frequency", "leader"),
-    [([0, 0, 2, 3], [0, 7, 5, 5], 2), ([0, 0, 2, 3], [0, 7, 5, 6], -1), ([0, 0, 2, 3], [0, np.nan, 5, 5], -1)],
+    ("amplitude", "frequency", "common"),
+    [([0, 0, 2, 3], [0, 7, 5, 5], 5), ([0, 0, 2, 3], [0, 7, 5, 6], None), ([0, 0, 2, 3], [0, np.nan, 5, 5], 5)],
 )
-def test_lanes_whose_loads_are_alike_share_one_sine(amplitude: list, frequency: list, leader: int) -> None:
-    """Lanes without a load, idle or not, are no hindrance; a poisoned one has a sine of its own."""
-    load, found = named_rows(TipLoads, lane_rows(rows_in(TipLoads))), np.zeros(1)
-    load.amplitude[:4], load.frequency[:4] = amplitude, frequency
-    _start(load, PACK, found)
-    assert found[0] == leader
+def test_lanes_whose_loads_are_alike_share_one_sine(amplitude: list, frequency: list, common: float | None) -> None:
+    """Lanes without a load, idle or not, are no hindrance; the sine is that of the first lane."""
+    (wave,) = waves = several_rows(Wave, lane_rows(1, rows_in(Wave)))
+    wave.amplitude[:4], wave.frequency[:4] = amplitude, frequency
+    _start(waves, PACK)
+    assert wave.common[0] == (common is not None)
+    assert wave.frequency[0] == (common or frequency[0])

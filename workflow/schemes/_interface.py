@@ -156,12 +156,10 @@ def merge(parts: list[tuple[NDArray[np.int64], Results]]) -> Results:
     results = [result for _, result in parts]
 
     def joined(arrays: list[Array]) -> Array:
-        width = max((a.shape[-1] for a in arrays if a.ndim > 1), default=0)
-        wide = [
-            np.pad(a, [(0, 0)] * (a.ndim - 1) + [(0, width - a.shape[-1])], constant_values=np.nan) if a.ndim > 1 else a
-            for a in arrays
-        ]
-        return np.concatenate(wide)[order]
+        whole = np.full((order.size, *map(max, *(a.shape[1:] for a in arrays))), np.nan)
+        for (where, _), a in zip(parts, arrays, strict=True):
+            whole[(where, *map(slice, a.shape[1:]))] = a
+        return whole
 
     ends: list[Any] = [result.end for result in results]
     return Results(

@@ -17,13 +17,12 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from workflow.kernels.compiled import defines
 from workflow.kernels.lanes import FEWEST_LANES
 from workflow.models import Structure
 from workflow.schemes._fixed import operator
 from workflow.schemes._fixed.central import Differences as Options
 from workflow.schemes._fixed.contact import Contact
-from workflow.schemes._fixed.law import Response, Tip, count_no_rebound, count_rebound
+from workflow.schemes._fixed.law import Response, Tip
 from workflow.schemes._fixed.march import contact_law
 from workflow.schemes._fixed.operator import amplification as amplification
 from workflow.schemes._fixed.operator import compute as compute
@@ -54,7 +53,6 @@ def respond(law: Newton, tip: Tip, h: float, theta: float) -> Response:
     return p, tip.free - tip.mobility * p, p
 
 
-defines(count_rebound, Newton)(count_no_rebound)
 CONTACT = Contact(lambda cases: Newton(cases.e))
 
 

@@ -63,6 +63,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workflow.kernels.compiled import inlined, part
 from workflow.kernels.lanes import ROW, lane_rows, named_rows, rows_in
@@ -103,6 +104,20 @@ DAMPING, KINETIC, ELASTIC = range(3)
 """Coefficients of a mode, divided by φ_n² where φ_n scales its states: hc/4, energy per v² and energy per η²."""
 
 
+class SparseRows(NamedTuple):
+    """The entries of a matrix other than 0: those of row i from ``starts[i]`` up to ``starts[i + 1]``."""
+
+    starts: NDArray[np.int64]
+    columns: NDArray[np.int64]
+    values: Array
+
+
+def sparse_rows(matrix: Array) -> SparseRows:
+    """Return the entries of a matrix other than 0."""
+    rows, columns = np.nonzero(matrix)
+    return SparseRows(np.searchsorted(rows, np.arange(len(matrix) + 1)), columns, matrix[rows, columns])
+
+
 class Dense(NamedTuple):
     """Balance of modes by matrices: of several contacts, where modes are coupled, near resonance with heat, or drift.
 
@@ -110,9 +125,9 @@ class Dense(NamedTuple):
     all modes and then that per ξ' - h v/2, -ω² J: together -I v_m - ω² J (η_m + J/2).
     """
 
-    outward: Array
+    outward: SparseRows
     """States per u and then η of all blocks as kernels scale them, ``(2 mode, 2 block)``."""
-    off_diagonal: Array
+    off_diagonal: SparseRows
     """h times the off-diagonal damping, ``(mode, mode)``."""
     lagged: bool
     """Whether v at a step's beginning damps."""
@@ -263,7 +278,7 @@ def _modal(dense: Dense | None, motion: Array, j: int, lane: Lane) -> tuple[Pack
     """Return v and ξ of mode j at the step's end."""
     if dense is None:
         return pack(motion, (j, SPEED, lane)), pack(motion, (j, PLACE, lane))
-    return pack(dense.modal_states, (j, lane)), pack(dense.modal_states, (dense.off_diagonal.shape[0] + j, lane))
+    return pack(dense.modal_states, (j, lane)), pack(dense.modal_states, (dense.velocity_before.shape[0] + j, lane))
 
 
 @part
@@ -297,32 +312,32 @@ def _measure(dense: Dense | None, account: Account, step: FreeStep, state: State
 @part
 def _fill_dense(dense: Dense, account: Account, step: FreeStep, state: State, load: Pack, lane: Lane) -> None:
     """Compute the states of the modes at the step's end, the inputs of the step, and Σ ω² J²/2 of these."""
-    blocks, modes, acts = state.motion.shape[0], dense.off_diagonal.shape[0], state.acts
+    blocks, modes, acts = state.motion.shape[0], dense.velocity_before.shape[0], state.acts
+    outward, damping = dense.outward, dense.off_diagonal
     for i in range(2 * modes):
         total, inputs = spread(0.0, lane), pack(dense.constant, (i, lane))
-        for j in range(blocks):
-            for row in range(2):
-                if dense.outward[i, row * blocks + j] != 0.0:
-                    factor = shared(dense.outward, (i, row * blocks + j), lane)
-                    total += factor * pack(state.motion, (j, row, lane))
+        for k in range(outward.starts[i], outward.starts[i + 1]):
+            at = outward.columns[k] % blocks, outward.columns[k] // blocks, lane
+            total += shared(outward.values, (k,), lane) * pack(state.motion, at)
         store(dense.modal_states, (i, lane), total)
-        for c in range(count_of(state.coupling, acts)):
-            inputs += pack(dense.contact_inputs, (c, i, lane)) * pack(acts[c].impulse, lane)
         if i < modes:
             inputs += shared(dense.load, (i,), lane) * load
         for pair in range(step.pair_heat.size):
             tau = pack(state.tau_before, (step.pair_heat[pair], 0, lane))
             inputs += shared(dense.pair_inputs, (pair, i), lane) * tau
         store(dense.inputs, (i, lane), inputs)
+    for c in range(count_of(state.coupling, acts)):
+        p = pack(acts[c].impulse, lane)
+        for i in range(2 * modes if some(~(magnitude(p) <= 0.0)) else 0):
+            _add_to(dense.inputs[i], pack(dense.contact_inputs, (c, i, lane)) * p, lane)
     square = spread(0.0, lane)
     for i in range(modes):
         inputs, jump = pack(dense.inputs, (i, lane)), pack(dense.inputs, (modes + i, lane))
         square += shared(dense.half_flexibility, (i,), lane) * jump * jump
-        for j in range(modes):
-            if dense.off_diagonal[i, j] != 0.0:
-                begun = pack(dense.velocity_before, (j, lane))
-                damps = 2.0 * begun if dense.lagged else begun + pack(dense.modal_states, (j, lane))
-                inputs += 0.25 * shared(dense.off_diagonal, (i, j), lane) * damps
+        for k in range(damping.starts[i], damping.starts[i + 1]):
+            begun = pack(dense.velocity_before, (damping.columns[k], lane))
+            ended = pack(dense.modal_states, (damping.columns[k], lane))
+            inputs += 0.25 * shared(damping.values, (k,), lane) * (2.0 * begun if dense.lagged else begun + ended)
         store(dense.inputs, (i, lane), inputs)
     store(account.sums.square, lane, square)
 
@@ -437,8 +452,8 @@ class Balances:
         for pair, (j, k) in enumerate(blocks.pairs):
             pulls[:, j, pair] = blocks.thermal_load[:, j, k] / blocks.heat_scale[k]
         return Dense(
-            outward=outward * np.tile(unscale, 2),
-            off_diagonal=np.zeros((n, n)) if C is None else step.tip.h * (C - np.diag(modal.damping)),
+            outward=sparse_rows(outward * np.tile(unscale, 2)),
+            off_diagonal=sparse_rows(np.zeros((n, n)) if C is None else step.tip.h * (C - np.diag(modal.damping))),
             lagged=step.lagged,
             load=-0.5 * load,
             half_flexibility=_half_flexibility(modal),

@@ -18,7 +18,6 @@ from workflow.kernels.packs import (
     Lane,
     Pack,
     flag,
-    lanes_of,
     pack,
     raised,
     shared,
@@ -34,8 +33,8 @@ from workflow.schemes._fixed.law import (
     Coupling,
     Law,
     TipStep,
-    YieldingStep,
-    apply_law,
+    ask,
+    count_rebound,
     respond_together,
 )
 from workflow.schemes._fixed.loads import Drive
@@ -125,15 +124,19 @@ def respond_in(
 
     An impulse of central differences is shown in the next step too.
     """
-    (first, stop), pressed, count = lanes_of(lane), False, count_of(coupling, acts)
+    pressed, count = False, count_of(coupling, acts)
     for c in range(count):
         pressed |= some_nonzero(pack(acts[c].force, lane))
     if coupling is None:
-        apply_law(law, step, acts[0], first, stop)
+        ask(law, step, acts[0], False, lane)
     else:
         respond_together(law, step, own, acts, coupling, t, lane)
     for c in range(count):
-        pressed |= some_nonzero(pack(acts[c].impulse, lane)) or some_nonzero(pack(acts[c].force, lane))
+        act = acts[c]
+        if step.rebounds:
+            count_rebound(act, lane)
+        store(act.force, lane, pack(act.force_end, lane))
+        pressed |= some_nonzero(pack(act.impulse, lane)) or some_nonzero(pack(act.force, lane))
     flag(own.pressed, lane, pressed)
 
 
@@ -161,37 +164,15 @@ def _weighed(theta: float, after: Pack, before: Pack) -> Pack:
     return after if theta == 1.0 else theta * after + (1.0 - theta) * before
 
 
-@by_type
+@inlined
 def approach(step: TipStep, met: Meeting, c: int, lane: Lane) -> bool:
-    """Tell whether contact ``c`` may act in some lane."""
-    raise NotImplementedError
-
-
-@defines(approach, TipStep)
-def _approach_by_theta(step: TipStep, met: Meeting, c: int, lane: Lane) -> bool:
+    """Tell whether contact ``c`` may act in some lane; where it is compliant, store its place without impulses."""
     act = met.acts[c]
     place, speed = pack(act.place, lane), pack(act.speed, lane)
-    moved = step.h * _weighed(step.theta, pack(act.speed_free, lane), speed)
-    return _is_near(place, step.h * speed, moved, pack(act.casing, lane))
-
-
-@defines(approach, CentralStep)
-def _approach_centrally(step: TipStep, met: Meeting, c: int, lane: Lane) -> bool:
-    act = met.acts[c]
-    moved = step.h * pack(act.speed_free, lane)
-    return _is_near(pack(act.place, lane), spread(0.0, lane), moved, pack(act.casing, lane))
-
-
-@defines(approach, YieldingStep)
-def _approach_yielding(step: TipStep, met: Meeting, c: int, lane: Lane) -> bool:
-    """Store the place with all that the residual gives at the step's end but for its impulses.
-
-    Of a force that weighs at both ends of a step the share of the beginning is no force at the end.
-    """
-    act, given = met.acts[c], shared(step.residual_load, (c,), lane) * met.load
-    place, speed = pack(act.place, lane) + given - pack(act.expansion, lane), pack(act.speed, lane)
-    place += step.carried * _pressed_by(step, met, c, lane)
-    store(act.place_free, lane, place)
+    if step.compliant:
+        place += shared(step.residual_load, (c,), lane) * met.load - pack(act.expansion, lane)
+        place += step.carried * _pressed_by(step, met, c, lane)  # by the force of the beginning: none at the end
+        store(act.place_free, lane, place)
     moved = step.h * _weighed(step.theta, pack(act.speed_free, lane), speed)
     return _is_near(place, step.h * speed, moved, pack(act.casing, lane))
 
@@ -219,32 +200,31 @@ def _leave_by_theta(step: TipStep, met: Meeting, c: int, engaged: bool, lane: La
     if engaged:
         p, speed = pack(act.impulse, lane), pack(act.speed_end, lane)
     place = pack(act.place, lane) + step.h * _weighed(step.theta, speed, pack(act.speed, lane))
-    if step.holds:
+    if step.holds and not step.compliant:
         place = where(p > 0.0, casing, place)
-    x, v = _absolute(met.drive, act.origin, place, lane), _absolute(met.drive, act.origin_speed, speed, lane)
-    return End(x, v, place - casing, p, place, speed, p, v)
+    shown, depth = place, place - casing
+    if step.compliant:
+        depth = _depth_of_residual(step, met, c, place, p, lane)
+        shown = casing + depth
+    x, v = _absolute(met.drive, act.origin, shown, lane), _absolute(met.drive, act.origin_speed, speed, lane)
+    return End(x, v, depth, p, place, speed, p, v)
 
 
-@defines(leave, YieldingStep)
-def _leave_yielding(step: TipStep, met: Meeting, c: int, engaged: bool, lane: Lane) -> End:
-    """Return the contact at its place with the residual's; what presses a casing by its place is on it exactly.
+@inlined
+def _depth_of_residual(step: TipStep, met: Meeting, c: int, place: Pack, p: Pack, lane: Lane) -> Pack:
+    """Return the depth of a contact whose modes are at ``place``; what presses by its place is on the casing exactly.
 
     What crushes a coating is as much deeper as it wears.
     """
-    act, casing = met.acts[c], pack(met.acts[c].casing, lane)
-    p, speed = spread(0.0, lane), pack(act.speed_free, lane)
-    if engaged:
-        p, speed = pack(act.impulse, lane), pack(act.speed_end, lane)
-    place = pack(act.place, lane) + step.h * _weighed(step.theta, speed, pack(act.speed, lane))
+    act = met.acts[c]
     depth = place + shared(step.residual_load, (c,), lane) * met.load - pack(act.expansion, lane)
-    depth -= _pressed_by(step, met, c, lane) + casing
+    depth -= _pressed_by(step, met, c, lane) + pack(act.casing, lane)
     if step.holds:
         force = pack(act.force, lane)
         held = pack(act.worn, lane) + step.casing_flexibility * force
         crushes = (force >= pack(act.level, lane)) & (depth > held)
         depth = where((p > 0.0) & ~crushes, held, depth)
-    x, v = _absolute(met.drive, act.origin, casing + depth, lane), _absolute(met.drive, act.origin_speed, speed, lane)
-    return End(x, v, depth, p, place, speed, p, v)
+    return depth
 
 
 @defines(leave, CentralStep)

@@ -19,7 +19,7 @@ from workflow.kernels.packs import Lane, Pack, flag, fused, pack, raised, shared
 from workflow.models import Array, Cases, EndState, project
 from workflow.schemes._fixed.blocks import Blocks
 from workflow.schemes._fixed.contact import Contact, count_of
-from workflow.schemes._fixed.law import Coupling, TipStep, YieldingStep
+from workflow.schemes._fixed.law import Coupling, TipStep
 from workflow.schemes._fixed.loads import Drive
 from workflow.schemes._fixed.rows import Acting, Own
 
@@ -552,11 +552,13 @@ def _contact_step(blocks: Blocks, contact: Contact) -> TipStep:
         thermal_velocity=np.tensordot(blocks.contacts, blocks.thermal_response(step.heat_gain.T), 2),
         stiffness=contact.stiffness,
         holds=contact.holds,
+        rebounds=contact.rebounds,
     )
     if not contacts.is_compliant:
         return own
     weight, cold = contact.force_weight(own.theta), contacts.flexibility(0.0)
-    return YieldingStep(*own)._replace(
+    return own._replace(
+        compliant=True,
         sinking=step.sinking(modal, weight),
         residual=np.stack([cold, cold - contacts.flexibility(1.0)]),
         residual_load=contacts.residual_load_or_zero,

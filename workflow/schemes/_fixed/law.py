@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.kernels.compiled import by_type, defines, inlined, of_case, part
+from workflow.kernels.compiled import by_type, inlined, of_case, part
 from workflow.kernels.lanes import lane_rows
 from workflow.kernels.lemke import Complementarity, problem, solve_complementarity
 from workflow.kernels.packs import (
@@ -102,11 +102,10 @@ class TipStep(NamedTuple):
     """Share of the force at a step's beginning in its impulse, over that of the force at its end."""
     stiffness: float = 0.0
     holds: bool = False
+    rebounds: bool = False
     """Those of :class:`~workflow.schemes._fixed.contact.Contact`."""
-
-
-class YieldingStep(TipStep):
-    """A step of the θ-method with contacts without mass, or on an elastic casing."""
+    compliant: bool = False
+    """Whether contacts are without mass, or on an elastic casing."""
 
 
 class CentralStep(TipStep):
@@ -145,41 +144,14 @@ def coupling_of(contacts: int) -> Coupling | None:
     return Coupling(problem(contacts), rows[0], rows[1:], members, matrix, *lane_rows(3))
 
 
-@by_type
-def count_rebound(law: Law, step: TipStep, act: Acting, lane: int) -> None:
-    """Add a contact that has ended to the sums of ``effective_restitution``, where the scheme gives it."""
-    was, presses = act.force[lane] > 0.0, act.force_end[lane] > 0.0
-    approach = act.approach[lane]
-    act.approach[lane] = approach if was or not presses else act.speed[lane]
-    ended = approach if was and not presses else 0.0
-    act.approached[lane] += ended * ended
-    act.separated[lane] -= ended * act.speed_end[lane]
-
-
-def count_no_rebound(law: Law, step: TipStep, act: Acting, lane: int) -> None:
-    """Count nothing: the restitution is given."""
-
-
-@by_type
-def place_free(step: TipStep, act: Acting, lane: int) -> float:
-    """Return the place of a contact that its law is given: that at the step's beginning."""
-    return float(act.place[lane])
-
-
-@defines(place_free, YieldingStep)
-def _place_free(step: TipStep, act: Acting, lane: int) -> float:
-    return float(act.place_free[lane])
-
-
-@by_type
-def place_coupled(step: TipStep, act: Acting, lane: int) -> float:
-    """Return the same less what other contacts take."""
-    return float(act.place[lane])
-
-
-@defines(place_coupled, YieldingStep)
-def _place_coupled(step: TipStep, act: Acting, lane: int) -> float:
-    return float(act.place_coupled[lane])
+@inlined
+def count_rebound(act: Acting, lane: Lane) -> None:
+    """Add a contact that has ended to the sums of ``effective_restitution``."""
+    was, presses, approach = pack(act.force, lane) > 0.0, pack(act.force_end, lane) > 0.0, pack(act.approach, lane)
+    ended = where(was & ~presses, approach, 0.0)
+    store(act.approach, lane, where(presses & ~was, pack(act.speed, lane), approach))
+    store(act.approached, lane, pack(act.approached, lane) + ended * ended)
+    store(act.separated, lane, pack(act.separated, lane) - ended * pack(act.speed_end, lane))
 
 
 @inlined
@@ -190,54 +162,61 @@ def _response(law: Law, step: TipStep, act: Acting, lane: int, place: float, fre
     return respond(of_case(law, lane), tip, step.h, step.theta)
 
 
-@part
-def apply_law(law: Law, step: TipStep, act: Acting, first: int, stop: int) -> None:
-    """Evaluate the law of one contact in some lanes.
+@inlined
+def _place(step: TipStep, act: Acting, coupled: bool, lane: int) -> float:
+    """Return the place that a law is given: that at the step's beginning, of compliant contacts without impulses.
 
-    No branch but the law's own, so that the compiler can vectorise the loop.
+    Where contacts are ``coupled`` it is less what others take; so is the velocity.
     """
-    for lane in range(first, stop):
-        place, free = place_free(step, act, lane), act.speed_free[lane]
-        act.impulse[lane], act.speed_end[lane], act.force_end[lane] = _response(law, step, act, lane, place, free)
-        _keep_force(law, step, act, lane)
+    if step.compliant:
+        return float(act.place_coupled[lane] if coupled else act.place_free[lane])
+    return float(act.place[lane])
 
 
 @inlined
-def _keep_force(law: Law, step: TipStep, act: Acting, lane: int) -> None:
-    """Keep the force of a contact for the next step; count it if it has ended."""
-    count_rebound(law, step, act, lane)
-    act.force[lane] = act.force_end[lane]
+def _speed(act: Acting, coupled: bool, lane: int) -> float:
+    return float(act.speed_coupled[lane] if coupled else act.speed_free[lane])
 
 
 @part
-def _ask(law: Law, step: TipStep, act: Acting, first: int, stop: int) -> None:
-    """Evaluate the law of one of several contacts in some lanes, less what the others take."""
-    for lane in range(first, stop):
-        place, free = place_coupled(step, act, lane), act.speed_coupled[lane]
-        act.impulse[lane], act.speed_end[lane], act.force_end[lane] = _response(law, step, act, lane, place, free)
+def ask(law: Law, step: TipStep, act: Acting, coupled: bool, lane: Lane) -> None:
+    """Evaluate the law of a contact in some lanes.
+
+    No branch but the law's own, so that the compiler can vectorise the loop.
+    """
+    for k in range(*lanes_of(lane)):
+        place, free = _place(step, act, coupled, k), _speed(act, coupled, k)
+        act.impulse[k], act.speed_end[k], act.force_end[k] = _response(law, step, act, k, place, free)
+
+
+@part
+def _ask_coupled(law: Law, step: TipStep, own: Own, acts: Sequence[Acting], lane: Lane) -> None:
+    """Evaluate the laws of all contacts, less what others take by ``impulse_coupled``."""
+    _couple(step, own, acts, lane)
+    for act in acts:
+        ask(law, step, act, True, lane)
 
 
 @part
 def _ask_beside(law: Law, step: TipStep, act: Acting, probe: Array, first: int, stop: int) -> None:
     """Find the slopes of a law by its impulse a little faster, and a little deeper where that differs."""
-    for lane in range(first, stop):
-        place, free = place_coupled(step, act, lane), act.speed_coupled[lane]
-        faster, _, _ = _response(law, step, act, lane, place, free + probe[lane])
-        act.slope[lane] = (faster - act.impulse[lane]) / probe[lane]
-    if step.sinking.shape[1] > 0:
-        for lane in range(first, stop):
-            place, free = place_coupled(step, act, lane), act.speed_coupled[lane]
-            deeper, _, _ = _response(law, step, act, lane, place + step.h * probe[lane], free)
-            act.slope_of_place[lane] = (deeper - act.impulse[lane]) / (step.h * probe[lane])
+    for k in range(first, stop):
+        place, free = _place(step, act, True, k), act.speed_coupled[k]
+        faster, _, _ = _response(law, step, act, k, place, free + probe[k])
+        act.slope[k] = (faster - act.impulse[k]) / probe[k]
+    if step.compliant:
+        for k in range(first, stop):
+            place, free = act.place_coupled[k] + step.h * probe[k], act.speed_coupled[k]
+            deeper, _, _ = _response(law, step, act, k, place, free)
+            act.slope_of_place[k] = (deeper - act.impulse[k]) / (step.h * probe[k])
 
 
 @part
 def _couple(step: TipStep, own: Own, acts: Sequence[Acting], lane: Lane) -> None:
     """Take from velocity and place of each contact what ``impulse_coupled`` of the others take."""
-    yields = step.sinking.shape[1] > 0
     for i in range(len(acts)):
         store(acts[i].speed_coupled, lane, pack(acts[i].speed_free, lane))
-        if yields:
+        if step.compliant:
             store(acts[i].place_coupled, lane, pack(acts[i].place_free, lane))
     for j in range(len(acts)):
         p = pack(acts[j].impulse_coupled, lane)
@@ -247,7 +226,7 @@ def _couple(step: TipStep, own: Own, acts: Sequence[Acting], lane: Lane) -> None
                 if i != j:
                     taken = _taken(step.delassus, i, j, p, warms, slides, lane)
                     store(acts[i].speed_coupled, lane, pack(acts[i].speed_coupled, lane) - taken)
-                    if yields:
+                    if step.compliant:
                         taken = _taken(step.sinking, i, j, p, warms, slides, lane)
                         store(acts[i].place_coupled, lane, pack(acts[i].place_coupled, lane) - taken)
 
@@ -263,42 +242,18 @@ def _taken(table: Array, i: int, j: int, p: Pack, warms: Pack, slides: Pack, lan
 def respond_together(
     law: Law, step: TipStep, own: Own, acts: Sequence[Acting], coupling: Coupling, t: float, lane: Lane
 ) -> None:
-    """Fill impulse, velocity and force of several contacts; t is noted where they have no solution.
-
-    Where each contact alone, and again at the velocity that the impulses of the others leave, has the same impulse,
-    that is the solution; else the laws of a lane are solved together.
-    """
-    (first, stop), total = lanes_of(lane), 0.0
-    for c in range(len(acts)):
-        store(acts[c].impulse_coupled, lane, spread(0.0, lane))
-    _couple(step, own, acts, lane)
-    for c in range(len(acts)):
-        _ask(law, step, acts[c], first, stop)
-        for k in range(first, stop):
-            total += abs(acts[c].impulse[k])
-    if total != 0.0:
-        _agree(law, step, own, acts, coupling, t, lane)
-    for c in range(len(acts)):
-        for k in range(first, stop):
-            _keep_force(law, step, acts[c], k)
-
-
-@part
-def _agree(law: Law, step: TipStep, own: Own, acts: Sequence[Acting], coupling: Coupling, t: float, lane: Lane) -> None:
-    """Find impulses of contacts that take from each other's velocities."""
-    (first, stop), zero = lanes_of(lane), spread(0.0, lane)
+    """Fill impulse, velocity and force of several contacts; t is noted where they have no solution."""
+    total = zero = spread(0.0, lane)
     for act in acts:
+        store(act.impulse_coupled, lane, zero)
+    _ask_coupled(law, step, own, acts, lane)
+    for act in acts:
+        total += magnitude(pack(act.impulse, lane))
         store(act.impulse_coupled, lane, pack(act.impulse, lane))
-    _couple(step, own, acts, lane)
-    differs = zero
-    for act in acts:
-        _ask(law, step, act, first, stop)
-        differs += where(magnitude(pack(act.impulse, lane) - pack(act.impulse_coupled, lane)) <= 0.0, zero, 1.0)
-    states = where(differs > 0.0, RUNS, SOLVED)
-    store(coupling.tries, lane, states)
-    if some(differs > 0.0):
+    if some(~(total <= 0.0)):  # a NaN too
+        _ask_coupled(law, step, own, acts, lane)
         _solve(law, step, own, acts, coupling, lane)
-        for k in range(first, stop):
+        for k in range(*lanes_of(lane)):
             state = coupling.tries[k]
             if state == LOST or (state != SOLVED and not _settle(law, step, own, acts, coupling, k)):
                 _give_up(own, acts, t, k)
@@ -330,24 +285,23 @@ def _largest(one: Pack, other: Pack) -> Pack:
 @part
 def _store_scale(step: TipStep, acts: Sequence[Acting], row: Array, lane: Lane) -> None:
     """Store the largest velocity: of contacts, and that by which they reach their casings in a step."""
-    scale, yields = spread(0.0, lane), step.sinking.shape[1] > 0
+    scale = spread(0.0, lane)
     for act in acts:
         scale = _largest(magnitude(pack(act.speed_free, lane)) + magnitude(pack(act.speed, lane)), scale)
-        way = pack(act.place_free if yields else act.place, lane) - pack(act.casing, lane)
+        way = pack(act.place_free if step.compliant else act.place, lane) - pack(act.casing, lane)
         scale = _largest(magnitude(way) * (1.0 / step.h), scale)
     store(row, lane, scale)
 
 
 @part
 def _solve(law: Law, step: TipStep, own: Own, acts: Sequence[Acting], c: Coupling, lane: Lane) -> None:
-    """Solve the laws of the contacts together, in the lanes that have not ended.
+    """Solve the laws of the contacts together, from impulses ``impulse_coupled`` at which they were asked.
 
     Newton's method on p_i = law(free_i - Σ_{j≠i} W_ij p_j; W_ii), with slopes by a difference. What is kept is what the
     laws return at the last p: an impulse below rounding whose law says 0 is 0.
     """
     (first, stop), zero = lanes_of(lane), spread(0.0, lane)
-    _store_scale(step, acts, c.scale, lane)
-    store(c.probe, lane, _PROBE * pack(c.scale, lane))
+    store(c.tries, lane, zero)
     for _ in range(MOST_TRIES):
         change, largest, finite, size = zero, zero, zero, 0
         for i in range(len(acts)):
@@ -364,18 +318,18 @@ def _solve(law: Law, step: TipStep, own: Own, acts: Sequence[Acting], c: Couplin
         store(c.tries, lane, states)
         if not some(states <= RUNS):
             return
+        _store_scale(step, acts, c.scale, lane)
+        store(c.probe, lane, _PROBE * pack(c.scale, lane))
         for k in range(size):
             _ask_beside(law, step, acts[c.members[k]], c.probe, first, stop)
         _eliminate(step, own, acts, c, size, lane)
-        _couple(step, own, acts, lane)
-        for act in acts:
-            _ask(law, step, act, first, stop)
+        _ask_coupled(law, step, own, acts, lane)
 
 
 @part
 def _eliminate(step: TipStep, own: Own, acts: Sequence[Acting], c: Coupling, size: int, lane: Lane) -> None:
     """Do a step of Newton's method: of a lane whose equations are singular there is none."""
-    a, members, yields, states = c.matrix, c.members, step.sinking.shape[1] > 0, pack(c.tries, lane)
+    a, members, states = c.matrix, c.members, pack(c.tries, lane)
     one, alpha, friction = spread(1.0, lane), pack(own.alpha, lane), pack(own.friction, lane)
     for k in range(size):
         act, i = acts[members[k]], members[k]
@@ -387,7 +341,7 @@ def _eliminate(step: TipStep, own: Own, acts: Sequence[Acting], c: Coupling, siz
             entry = one
             if n != k:
                 entry = slope * _taken(step.delassus, i, members[n], one, alpha, friction, lane)
-                if yields:
+                if step.compliant:
                     entry = fused(of_place, _taken(step.sinking, i, members[n], one, alpha, friction, lane), entry)
             store(a, (k, n, lane), entry)
         store(a, (k, size, lane), q - p)
@@ -419,7 +373,7 @@ def _entry(own: Own, table: Array, i: int, j: int, lane: int) -> float:
 def _by_slopes(step: TipStep, own: Own, c: Coupling, i: int, j: int, lane: int) -> float:
     """Return what a unit impulse of contact j takes from the impulse of contact i, by the slopes of its law."""
     taken = c.slope[0, i] * _entry(own, step.delassus, i, j, lane)
-    if step.sinking.shape[1] > 0:
+    if step.compliant:
         taken += c.slope[1, i] * _entry(own, step.sinking, i, j, lane)
     return float(taken)
 
@@ -431,16 +385,16 @@ def _pivot(law: Law, step: TipStep, own: Own, acts: Sequence[Acting], c: Couplin
     p = p_0 + max(0, a + s free + r place), with a, s and r found far inside the casing, and p_0 as far outside.
     """
     p, size, m = c.problem, 0, len(acts)
-    yields, far = step.sinking.shape[1] > 0, 1e3 * c.scale[lane]
-    way = step.h * far if yields else 0.0  # no contact with mass is near because others push it
+    far = 1e3 * c.scale[lane]
+    way = step.h * far if step.compliant else 0.0  # no contact with mass is near because others push it
     for i in range(m):
-        act, place, free = acts[i], place_free(step, acts[i], lane), acts[i].speed_free[lane]
+        act, place, free = acts[i], _place(step, acts[i], False, lane), acts[i].speed_free[lane]
         least, _, _ = _response(law, step, act, lane, place - way, free - far)
         inside, _, _ = _response(law, step, act, lane, place + way, free + far)
         faster, _, _ = _response(law, step, act, lane, place + way, free + 2.0 * far)
         deeper, _, _ = _response(law, step, act, lane, place + 2.0 * way, free + far)
         c.impulse[i], c.slope[0, i] = least, (faster - inside) / far
-        c.slope[1, i] = (deeper - inside) / way if yields else 0.0
+        c.slope[1, i] = (deeper - inside) / way if step.compliant else 0.0
         if c.slope[0, i] != 0.0 or c.slope[1, i] != 0.0:
             p.constant[size], p.active[size], c.members[size] = faster + deeper - 3.0 * inside + least, False, i
             size += 1
@@ -467,16 +421,16 @@ def _settle(law: Law, step: TipStep, own: Own, acts: Sequence[Acting], c: Coupli
     Laws of two branches have it. Others, as that of a coating, grow with the depth: where W is symmetric each lowers
     the same convex function, so that p tends to the solution.
     """
-    m, yields = len(acts), step.sinking.shape[1] > 0
+    m = len(acts)
     _pivot(law, step, own, acts, c, lane)
     for _ in range(MOST_SWEEPS):
         change = total = 0.0
         for i in range(m):
-            place, free = place_free(step, acts[i], lane), acts[i].speed_free[lane]
+            place, free = _place(step, acts[i], False, lane), acts[i].speed_free[lane]
             for j in range(m):
                 if j != i:
                     free -= _entry(own, step.delassus, i, j, lane) * c.impulse[j]
-                    if yields:
+                    if step.compliant:
                         place -= _entry(own, step.sinking, i, j, lane) * c.impulse[j]
             q, velocity, force = _response(law, step, acts[i], lane, place, free)
             change, total = change + abs(q - c.impulse[i]), total + abs(q)

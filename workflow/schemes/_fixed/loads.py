@@ -1,8 +1,7 @@
 """The load, F0 and harmonics, and a casing that moves, in the lanes of a block.
 
-Most scenes have one harmonic, F1 sin(2π f t + φ), and its f and φ are those of all lanes: these share its sine. Further
-harmonics, of load or casing, are the :class:`Drive` of a kernel, with a sine of each lane, which takes longer. Where
-there are none it is ``None``, and the kernel is compiled without it at no cost.
+In most batches a harmonic has one frequency and phase in all lanes: these share its sine and cosine, in the first lane.
+Where the casing rests there is no :class:`Drive`, and the kernel is compiled without it at no cost.
 
 A scheme with a fixed step sees the casing d(t) = d + Σ a_m sin(ω_m t + φ_m) through a discrete velocity
 
@@ -17,16 +16,15 @@ Central differences take θ = 0: V_k = (d_{k+1} - d_k)/h, the casing's velocity 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from workflow.kernels import elementary, elementwise
-from workflow.kernels.compiled import by_type, defines, inlined, part
-from workflow.kernels.lanes import PACK, Rows, named_rows, rows_in
+from workflow.kernels.compiled import inlined, part
+from workflow.kernels.lanes import PACK, Rows, named_rows, rows_in, several_rows
 from workflow.kernels.packs import Lane, Pack, narrow, pack, spread, store
 from workflow.models import Array, Cases, Harmonics, Structure, coated_forces, project
-from workflow.schemes._fixed.law import TipStep, YieldingStep
 from workflow.schemes._fixed.rows import Acting
 from workflow.schemes._interface import AT_REST
 
@@ -35,120 +33,101 @@ EXACT_EVERY = 64
 rounding below 64 eps = 1.4e-14 of the amplitude."""
 
 
-class TipLoads(Rows):
-    """F0 and the first harmonic, F1 sin(2π f t + φ), of the loads of a block."""
+class Wave(Rows):
+    """A harmonic of the load or of the casing."""
 
-    mean: Array
-    amplitude: Array
-    """F0 and F1, N."""
-    frequency: Array
-    phase: Array
-    """f [Hz] and φ [rad]."""
     sine_before: Array
     sine: Array
     cosine: Array
     """Sine at the beginning of the step, sine and cosine at its end."""
+    weighed: Array
+    """Sine at both, weighted by 1 - θ and θ."""
     turn_sine: Array
     turn_cosine: Array
     """Sine and cosine of the angle of a step."""
-    weighed_sine: Array
-    """Weighted sine, where lanes differ in frequency or phase."""
-
-
-def tip_loads(cases: Cases) -> Array:
-    """Return the rows of :class:`TipLoads` of all cases, ``(row, case)``."""
-    rows = np.zeros((rows_in(TipLoads), cases.count))
-    load = named_rows(TipLoads, rows)
-    load.mean = cases.mean
-    if cases.load_harmonics.width:
-        load.amplitude, load.frequency, load.phase = (row[:, 0] for row in cases.load_harmonics.rows)
-    return rows
-
-
-@part
-def start_load(h: float, load: TipLoads, lanes: int) -> int:
-    """Set the rotation of the load to one step; return the leader.
-
-    That is a lane whose sine, to the bit, is that of all lanes, as most batches share frequency and phase; -1 where
-    lanes differ in them.
-    """
-    leader = 0
-    for lane in range(lanes):
-        if load.amplitude[lane] != 0.0 and load.amplitude[leader] == 0.0:
-            leader = lane
-    frequency, phase, shared_by_all = load.frequency[leader], load.phase[leader], True
-    for lane in range(lanes):
-        still = load.amplitude[lane] == 0.0 and np.isfinite(load.frequency[lane] + load.phase[lane])
-        shared_by_all &= still or (load.frequency[lane] == frequency and load.phase[lane] == phase)
-    for lane in range(lanes):
-        turn = 2.0 * np.pi * load.frequency[lane] * h
-        load.turn_sine[lane], load.turn_cosine[lane] = elementary.sine_cosine(turn)
-    leader = leader if shared_by_all else -1
-    return leader
-
-
-@inlined
-def turn_load(step: int, h: float, leader: int, load: TipLoads, lanes: int) -> None:
-    """Advance the load to the end of a step, t = step h."""
-    first, last = (leader, leader + 1) if leader >= 0 else (0, lanes)
-    for lane in range(first, last):
-        s, c = load.sine[lane], load.cosine[lane]
-        load.sine_before[lane] = s
-        load.sine[lane] = s * load.turn_cosine[lane] + c * load.turn_sine[lane]
-        load.cosine[lane] = c * load.turn_cosine[lane] - s * load.turn_sine[lane]
-    if step % EXACT_EVERY == 0:
-        for lane in range(first, last):
-            angle = 2.0 * np.pi * (load.frequency[lane] * (step * h)) + load.phase[lane]
-            load.sine[lane], load.cosine[lane] = elementary.sine_cosine(angle)
-
-
-@inlined
-def weigh_load(before: float, after: float, leader: int, load: TipLoads, lanes: int) -> float:
-    """Return the weighted mean of the sine at the step's beginning and end, common to all lanes.
-
-    Without a ``leader`` it returns 0 and stores the mean of each lane in ``weighed_sine``.
-    """
-    if leader >= 0:
-        return float(before * load.sine_before[leader] + after * load.sine[leader])
-    for lane in range(lanes):
-        load.weighed_sine[lane] = before * load.sine_before[lane] + after * load.sine[lane]
-    return 0.0
-
-
-@inlined
-def tip_load(sine: float, leader: int, load: TipLoads, drive: Drive | None, lane: Lane) -> Pack:
-    """Return the load in a step, N, for the ``sine`` that :func:`weigh_load` returned."""
-    mean, amplitude = pack(load.mean, lane), pack(load.amplitude, lane)
-    first = mean + (amplitude * sine if leader >= 0 else amplitude * pack(load.weighed_sine, lane))
-    return first if drive is None else first + pack(drive.other.load, lane)
-
-
-@by_type
-def load_at_end(step: TipStep, leader: int, load: TipLoads, drive: Drive | None, lane: Lane) -> Pack:
-    """Return the load at the step's end, N; 0 where no contact without mass asks for it."""
-    return spread(0.0, lane)
-
-
-@defines(load_at_end, YieldingStep)
-def _load_at_end(step: TipStep, leader: int, load: TipLoads, drive: Drive | None, lane: Lane) -> Pack:
-    sine = spread(load.sine[leader], lane) if leader >= 0 else pack(load.sine, lane)
-    first = pack(load.mean, lane) + pack(load.amplitude, lane) * sine
-    return first if drive is None else first + pack(drive.other.load_end, lane)
-
-
-class Wave(Rows):
-    """A harmonic of the casing, or of the load after the first."""
-
-    sine: Array
-    cosine: Array
-    turn_sine: Array
-    turn_cosine: Array
-    """Sine and cosine of its angle, and of the angle of a step."""
     amplitude: Array
     """N or m."""
     frequency: Array
     phase: Array
     """Hz and rad."""
+    common: Array
+    """A flag in the first lane: raised where its sine, to the bit, is that of all lanes."""
+
+
+class Loads(NamedTuple):
+    """The load of a block of cases."""
+
+    mean: Array
+    """F0, N."""
+    waves: Sequence[Wave]
+    """One at least."""
+
+
+@part
+def start_waves(waves: Sequence[Wave], lanes: int) -> None:
+    """Find the harmonics that lanes share; one without an amplitude, as in idle lanes, is no hindrance."""
+    for k in range(len(waves)):
+        wave, leader, common = waves[k], 0, True
+        for lane in range(lanes):
+            if wave.amplitude[lane] != 0.0 and wave.amplitude[leader] == 0.0:
+                leader = lane
+        for lane in range(lanes):
+            alike = wave.frequency[lane] == wave.frequency[leader] and wave.phase[lane] == wave.phase[leader]
+            common &= alike or wave.amplitude[lane] == 0.0
+        if common:
+            wave.frequency[0], wave.phase[0] = wave.frequency[leader], wave.phase[leader]
+            wave.turn_sine[0], wave.turn_cosine[0] = wave.turn_sine[leader], wave.turn_cosine[leader]
+        wave.common[0] = 1.0 if common else 0.0
+
+
+@inlined
+def turn_waves(waves: Sequence[Wave], step: int, h: float, theta: float, lanes: int) -> None:
+    """Advance harmonics to the end of a step, t = step h; find those that lanes share at the first."""
+    if step == 0:
+        start_waves(waves, lanes)
+    for k in range(len(waves)):
+        wave, last = waves[k], 1 if waves[k].common[0] != 0.0 else lanes
+        for lane in range(last):
+            s, c = wave.sine[lane], wave.cosine[lane]
+            wave.sine_before[lane] = s
+            wave.sine[lane] = s * wave.turn_cosine[lane] + c * wave.turn_sine[lane]
+            wave.cosine[lane] = c * wave.turn_cosine[lane] - s * wave.turn_sine[lane]
+        if step % EXACT_EVERY == 0:
+            _place_wave(wave, step * h, last)
+        for lane in range(last):
+            wave.weighed[lane] = (1.0 - theta) * wave.sine_before[lane] + theta * wave.sine[lane]
+
+
+@part
+def _place_wave(wave: Wave, t: float, lanes: int) -> None:
+    """Set sine and cosine of a harmonic to their values at time t."""
+    for lane in range(lanes):
+        angle = 2.0 * np.pi * (wave.frequency[lane] * t) + wave.phase[lane]
+        wave.sine[lane], wave.cosine[lane] = elementary.sine_cosine(angle)
+
+
+@inlined
+def _of_lanes(wave: Wave, row: Array, lane: Lane) -> Pack:
+    """Return a row of a harmonic in some lanes."""
+    return spread(row[0], lane) if wave.common[0] != 0.0 else pack(row, lane)
+
+
+@inlined
+def load_in_step(load: Loads, lane: Lane) -> Pack:
+    """Return the load in a step, weighted by 1 - θ and θ, N."""
+    force = pack(load.mean, lane)
+    for k in range(len(load.waves)):
+        force += pack(load.waves[k].amplitude, lane) * _of_lanes(load.waves[k], load.waves[k].weighed, lane)
+    return force
+
+
+@inlined
+def load_at_end(load: Loads, lane: Lane) -> Pack:
+    """Return the load at a step's end, N."""
+    force = pack(load.mean, lane)
+    for k in range(len(load.waves)):
+        force += pack(load.waves[k].amplitude, lane) * _of_lanes(load.waves[k], load.waves[k].sine, lane)
+    return force
 
 
 class Seen(Rows):
@@ -161,37 +140,24 @@ class Seen(Rows):
     """d and V per sine and per cosine of the wave, m and m/s."""
 
 
-class OtherLoad(Rows):
-    """The load of the harmonics after the first in a step."""
-
-    load: Array
-    load_end: Array
-    """N, weighted by 1 - θ and θ, and at the step's end."""
-
-
 class Drive(NamedTuple):
-    """Harmonics of the load after the first, and a moving casing, of a block of cases."""
+    """A moving casing of a block of cases."""
 
-    load_waves: Sequence[Wave]
-    casing_waves: Sequence[Wave]
-    other: OtherLoad
+    waves: Sequence[Wave]
     seen: Any
-    """:class:`Seen` of each wave of the casing and contact, ``(wave, contact)``."""
+    """:class:`Seen` of each wave and contact, ``(wave, contact)``."""
 
 
 class DriveRows(NamedTuple):
     """The rows of a drive, of all cases or in lanes, ``(…, row, case)`` or ``(…, row, lane)``."""
 
-    load_waves: Array
     casing_waves: Array
-    other: Array
     seen: Array
 
     @property
     def named(self) -> Drive:
         """The rows by names, as kernels take them."""
-        load, casing = (cast(Sequence[Wave], named_rows(Wave, rows)) for rows in (self.load_waves, self.casing_waves))
-        return Drive(load, casing, named_rows(OtherLoad, self.other), named_rows(Seen, self.seen))
+        return Drive(several_rows(Wave, self.casing_waves), named_rows(Seen, self.seen))
 
 
 class Start(NamedTuple):
@@ -214,16 +180,16 @@ class Start(NamedTuple):
 
 
 def start_of(
-    structure: Structure, cases: Cases, h: float, theta: float, duration: float, yields: float = 0.0
+    structure: Structure, cases: Cases, h: float, theta: float, duration: float, spring_flexibility: float = 0.0
 ) -> tuple[DriveRows | None, Start]:
     """Return the drive of cases that are stepped with h and θ, ``(…, case)``, and how their contacts start.
 
-    A spring of the flexibility ``yields`` [m/N] stands between contacts without mass and their casing.
+    A spring of the flexibility ``spring_flexibility`` [m/N] stands between contacts without mass and their casing.
 
     A contact that starts on its casing and moves with it, both up to rounding (:data:`AT_REST`), has r = u = 0 and the
     velocity V(0): its own is ḋ(0), or V(0) where it ended pressed.
     """
-    rows, load, casing = structure.contacts.normal, cases.load_harmonics[:, 1:], cases.casing_harmonics
+    rows, casing = structure.contacts.normal, cases.casing_harmonics
     place, moves = cases.casing_of_contacts(0.0)
     x, v = project(rows, cases.displacement), project(rows, cases.velocity)
     lengths, speeds = (each[:, None] for each in casing.rounding_scales(duration))
@@ -231,31 +197,30 @@ def start_of(
     touches = np.abs(x - place) <= AT_REST * lengths
     x = np.where(touches, place, x)
     compliant = structure.contacts.is_compliant
-    shown = compliant_places(structure, cases, yields) if compliant else x
+    shown = compliant_places(structure, cases, spring_flexibility) if compliant else x
     rest = np.zeros_like(x)
     if casing.width == 0:
-        begins, velocity = Start(shown, v, place, x, v, rest, rest, cases.velocity), rest
-        if load.width == 0:
-            return None, begins
-        seen = np.zeros((0, x.shape[1], rows_in(Seen), cases.count))
-    else:
-        seen, moved, velocity, before = _seen(cases, x.shape[1], h, theta)
-        speeds = speeds + project(np.abs(rows), np.abs(cases.velocity)) + lengths / h
-        held = touches & (not compliant) & (np.fmin(np.abs(v - velocity), np.abs(v - moves)) <= AT_REST * speeds)
-        follows = cases.velocity.copy()
-        for i in np.flatnonzero(held.any(axis=1)):
-            follows[i] += np.linalg.pinv(rows[held[i]]) @ (velocity - v)[i, held[i]]
-        relative = np.where(held, 0.0, v - velocity)
-        own = np.where(touches, cases.clearances, x - moved)
-        begins = Start(shown, v, place, own, relative, moved, before, follows)
-    other = np.zeros((rows_in(OtherLoad), cases.count))
-    return DriveRows(_waves(load, h), _waves(casing, h), other, seen), begins
+        return None, Start(shown, v, place, x, v, rest, rest, cases.velocity)
+    seen, moved, velocity, before = _seen(cases, x.shape[1], h, theta)
+    speeds = speeds + project(np.abs(rows), np.abs(cases.velocity)) + lengths / h
+    held = touches & (not compliant) & (np.fmin(np.abs(v - velocity), np.abs(v - moves)) <= AT_REST * speeds)
+    follows = cases.velocity.copy()
+    for i in np.flatnonzero(held.any(axis=1)):
+        follows[i] += np.linalg.pinv(rows[held[i]]) @ (velocity - v)[i, held[i]]
+    relative = np.where(held, 0.0, v - velocity)
+    own = np.where(touches, cases.clearances, x - moved)
+    drive = DriveRows(rows_of_waves(casing, h), seen)
+    return drive, Start(shown, v, place, own, relative, moved, before, follows)
 
 
-def compliant_places(structure: Structure, cases: Cases, yields: float) -> Array:
+def compliant_places(structure: Structure, cases: Cases, spring_flexibility: float) -> Array:
     """Return x_i of compliant contacts at t = 0, m, ``(case, contact)``: d + w + c λ if they touch; NaN without a λ."""
     contacts, (surface, _), own = structure.contacts, cases.casing_of_contacts(0.0), cases.coating
-    c, level, hardening = contacts.casing_flexibility + yields, np.full_like(surface, np.inf), np.zeros(cases.count)
+    c, level, hardening = (
+        contacts.casing_flexibility + spring_flexibility,
+        np.full_like(surface, np.inf),
+        np.zeros(cases.count),
+    )
     if own is not None:
         surface, level, hardening = surface + own.worn_at_start(), own.level_at_start(), own.hardening
     free = project(contacts.normal, cases.displacement) + cases.load_at(0.0)[:, None] * contacts.residual_load_or_zero
@@ -300,60 +265,32 @@ def discrete_gains(amplitude: Array | float, angular: Array, h: float, theta: fl
     return factor * lean, factor * c
 
 
-def _waves(harmonics: Harmonics, h: float) -> Array:
-    """Return the rows of harmonics, ``(harmonic, row, case)``."""
-    rows = np.zeros((harmonics.width, rows_in(Wave), harmonics.amplitude.shape[0]))
+def rows_of_waves(harmonics: Harmonics, h: float, least: int = 0) -> Array:
+    """Return the rows of harmonics, ``(harmonic, row, case)``, ``least`` at least."""
+    count = harmonics.width
+    rows = np.zeros((max(count, least), rows_in(Wave), harmonics.amplitude.shape[0]))
     waves: Any = named_rows(Wave, rows)
     turn_sine, turn_cosine = elementwise.sine_cosine(harmonics.angular * h)
-    waves["turn_sine"], waves["turn_cosine"] = turn_sine.T, turn_cosine.T
-    waves["amplitude"], waves["frequency"], waves["phase"] = (values.T for values in harmonics.rows)
+    waves["turn_sine"][:count], waves["turn_cosine"][:count] = turn_sine.T, turn_cosine.T
+    for name, values in zip(("amplitude", "frequency", "phase"), harmonics.rows, strict=True):
+        waves[name][:count] = values.T
     return rows
 
 
-@part
-def _place_waves(waves: Sequence[Wave], t: float, lanes: int) -> None:
-    """Set sine and cosine of harmonics to their values at time t."""
-    for k in range(len(waves)):
-        for lane in range(lanes):
-            angle = 2.0 * np.pi * (waves[k].frequency[lane] * t) + waves[k].phase[lane]
-            waves[k].sine[lane], waves[k].cosine[lane] = elementary.sine_cosine(angle)
-
-
 @inlined
-def _turn_waves(waves: Sequence[Wave], lane: Lane) -> None:
-    """Rotate harmonics by the angle of a step."""
-    for k in range(len(waves)):
-        s, c = pack(waves[k].sine, lane), pack(waves[k].cosine, lane)
-        turn_s, turn_c = pack(waves[k].turn_sine, lane), pack(waves[k].turn_cosine, lane)
-        store(waves[k].sine, lane, s * turn_c + c * turn_s)
-        store(waves[k].cosine, lane, c * turn_c - s * turn_s)
-
-
-@inlined
-def turn_drive(drive: Drive | None, step: int, h: float, theta: float, acts: Sequence[Acting], lanes: int) -> None:
-    """Advance loads and casings to the end of a step, t = step h: these are the origins of contacts."""
+def turn_casing(drive: Drive | None, step: int, h: float, theta: float, acts: Sequence[Acting], lanes: int) -> None:
+    """Advance casings to the end of a step, t = step h: these are the origins of contacts."""
     if drive is None:
         return
-    loads, waves, other = drive.load_waves, drive.casing_waves, drive.other
-    placed = step % EXACT_EVERY == 0
-    if placed:
-        _place_waves(loads, step * h, lanes)
-        _place_waves(waves, step * h, lanes)
+    waves = drive.waves
+    turn_waves(waves, step, h, theta, lanes)
     for first in range(0, lanes, PACK):
         lane = narrow(first)
-        if not placed:
-            _turn_waves(loads, lane)
-            _turn_waves(waves, lane)
-        force = spread(0.0, lane)
-        for k in range(len(loads)):
-            force += pack(loads[k].amplitude, lane) * pack(loads[k].sine, lane)
-        before = pack(other.load_end, lane)
-        store(other.load, lane, theta * force + (1.0 - theta) * before)
-        store(other.load_end, lane, force)
-        for i in range(len(acts) if len(waves) > 0 else 0):
+        for i in range(len(acts)):
             place, speed = spread(0.0, lane), spread(0.0, lane)
             for k in range(len(waves)):
-                s, c, seen = pack(waves[k].sine, lane), pack(waves[k].cosine, lane), drive.seen[k, i]
+                s, c = _of_lanes(waves[k], waves[k].sine, lane), _of_lanes(waves[k], waves[k].cosine, lane)
+                seen = drive.seen[k, i]
                 place += pack(seen.place_sine, lane) * s + pack(seen.place_cosine, lane) * c
                 speed += pack(seen.speed_sine, lane) * s + pack(seen.speed_cosine, lane) * c
             store(acts[i].origin, lane, place)

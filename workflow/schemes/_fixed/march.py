@@ -54,7 +54,14 @@ from workflow.schemes._fixed.free_motion import (
     strike,
 )
 from workflow.schemes._fixed.law import CentralStep, Law, TipStep, coupling_of, respond
-from workflow.schemes._fixed.loads import DriveRows, Start, load_at_end, start_load, tip_load, turn_drive, turn_load
+from workflow.schemes._fixed.loads import (
+    DriveRows,
+    Start,
+    load_at_end,
+    load_in_step,
+    turn_casing,
+    turn_waves,
+)
 from workflow.schemes._fixed.rows import Acting, Own
 from workflow.schemes._fixed.sensing import sense, sensing_of
 from workflow.schemes._fixed.stepping import Batch, CaseBlock, Ended, Now
@@ -66,7 +73,7 @@ R = TypeVar("R", bound=Callable[..., tuple[float, float, float]])
 KERNELS: dict[type, Callable[..., None]] = {}
 """The march of each contact law, by the type of its parameters."""
 
-READ_EVERY_STEP = ("load", "motion", "tau", "sums", "velocity_before")
+READ_EVERY_STEP = ("load_waves", "motion", "tau", "sums", "velocity_before")
 """Rows by which the lanes of a block are chosen, besides the drives of a contact."""
 
 FEW_ROWS = 60
@@ -79,7 +86,7 @@ With more rows narrow packs were faster on the processor where it was measured; 
 @inlined
 def _step(step: FreeStep, law: Law, now: Now, state: State, block: CaseBlock, lane: Lane) -> None:
     """Do a step of a pack of lanes: free motion with the load, contact, counts."""
-    load = step.contact.h * tip_load(now.sine, now.leader, block.load, block.drive, lane)
+    load = step.contact.h * load_in_step(block.load, lane)
     spent = step_freely(step, step.rows, now.warmed, now.t, state, load, lane)
     _touch(step, law, now, state, block, load, lane)
     balance.count_step(state.account, dense_of(state.account), step, state, spent, load, now.last, lane)
@@ -90,7 +97,7 @@ def _touch(step: FreeStep, law: Law, now: Now, state: State, block: CaseBlock, l
     """Complete a step by contact: its laws where some contact may act, what the contacts show, and their work."""
     contact, own, acts = step.contact, state.own, state.acts
     engaged, count = was_pressed(own, lane), count_of(state.coupling, acts)
-    ends = load_at_end(contact, now.leader, block.load, block.drive, lane)
+    ends = load_at_end(block.load, lane) if contact.compliant else load
     met = Meeting(own, acts, block.drive, ends, now.first)
     for c in range(count):
         engaged |= approach(contact, met, c, lane)
@@ -128,14 +135,13 @@ def march(step: FreeStep, law: Law, state: State, block: CaseBlock) -> None:
     in_broad = lanes // broadest() * broadest() if 2 * len(state.motion) + len(state.tau) <= FEW_ROWS else 0
     paired, warmed, senses = step.pair_block.size > 0, is_warmed(state.acts, lanes), step.sensors.shape[0] > 0
     waits = step.rows is None and dense_of(state.account) is None and not paired and not senses
-    leader = start_load(h, load, lanes)
-    stepping.keep_idle_off(state.acts, block.marks.next_period.size, lanes)
+    stepping.keep_idle_off(state.acts, block.cases, lanes)
     for k in range(block.steps + 1):
-        turn_load(k, h, leader, load, lanes)
-        turn_drive(block.drive, k, h, theta, state.acts, lanes)
+        turn_waves(load.waves, k, h, theta, lanes)
+        turn_casing(block.drive, k, h, theta, state.acts, lanes)
         if k < _begins(step.contact):
             continue
-        now = stepping.step_at(k, theta, leader, warmed, waits and k < block.steps - 2, block)
+        now = stepping.step_at(k, warmed, waits and k < block.steps - 2, block)
         shows = now.marked or now.next_marked
         if paired or k >= block.steps - 1 or (senses and shows):
             keep_before(state, lanes)
@@ -147,9 +153,11 @@ def march(step: FreeStep, law: Law, state: State, block: CaseBlock) -> None:
         if k == 0:
             continue
         if senses and shows:
-            sense(step.sensors, state, block.contacts, now.marked, now.t, block.record.shown, lanes)
+            sense(step.sensors, state, block.contacts, now.t, block.record.shown, lanes)
         if now.marked:
             stepping.count_marked(k, block)
+        elif now.next_marked:
+            stepping.begin_next(1.0, block)
 
 
 def contact_law(kind: type[Any]) -> Callable[[R], R]:
@@ -163,11 +171,11 @@ def contact_law(kind: type[Any]) -> Callable[[R], R]:
         def march_cases(step: FreeStep, law: Law, state: State, batch: Batch) -> None:
             whole = batch.whole
             for first in range(0, batch.values.shape[1], whole.lanes):
-                marks, record, lanes = stepping.load_block(batch, first)
-                stop = min(first + whole.lanes, batch.values.shape[1])
+                count = stepping.load_block(batch, first)
+                stop, size = first + count, (first, count, stepping.packed(count), whole.steps, whole.h)
                 worn = Worn(whole.worn.depth[first:stop], whole.worn.map[first:stop], whole.worn.every)
-                size = lanes, whole.steps, whole.h
-                block = CaseBlock(whole.load, whole.contacts, marks, record, whole.drive, *size, whole.tracks, worn)
+                parts = whole.load, whole.contacts, whole.marks, whole.record, whole.drive
+                block = CaseBlock(*parts, *size, whole.tracks, worn)
                 march(step, law, state, block)
                 stepping.store_block(batch, first)
 

@@ -12,9 +12,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from workflow.kernels.compiled import defines
 from workflow.schemes._fixed.contact import Contact
-from workflow.schemes._fixed.law import Response, Tip, count_no_rebound, count_rebound
+from workflow.schemes._fixed.law import Response, Tip
 from workflow.schemes._fixed.march import contact_law
 
 
@@ -39,7 +38,6 @@ def respond(law: Newton, tip: Tip, h: float, theta: float) -> Response:
     return p, -law.e * tip.velocity, p
 
 
-defines(count_rebound, Newton)(count_no_rebound)  # e is given
 NEWTON = Contact(lambda cases: Newton(cases.e))
 """The contact of a tip with mass."""
 
@@ -65,7 +63,6 @@ def _rest(law: Rest, tip: Tip, h: float, theta: float) -> Response:
     return p, tip.free - tip.mobility * p, p / h
 
 
-defines(count_rebound, Rest)(count_no_rebound)
 REST = Contact(
     lambda cases: Rest() if cases.coating is None else Rest(cases.coating.hardening), holds=True, by_place=True
 )

@@ -68,8 +68,8 @@ class Operator:
     def run(self, cases: Cases, sampling: Sampling, heated: bool) -> Results:
         """Step cases that all carry thermal states, or that all carry none."""
         h, contact, blocks = self.h, self.contact, self.blocks if heated else self.blocks.without_heat()
-        yields = 1 / contact.stiffness if contact.stiffness > 0 else 0.0
-        drive, begins = start_of(self.structure, cases, h, blocks.step.theta, sampling.duration, yields)
+        flexibility = 1 / contact.stiffness if contact.stiffness > 0 else 0.0
+        drive, begins = start_of(self.structure, cases, h, blocks.step.theta, sampling.duration, flexibility)
         velocity = self.method.first_velocity(blocks.modal, h, cases, begins, contact)
         ended = step_batch(self.structure, blocks, contact, cases, velocity, sampling, drive, begins)
         # squared: the state of a growing contact may be finite where its energy is not

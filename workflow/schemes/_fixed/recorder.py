@@ -28,6 +28,7 @@ from workflow.schemes._fixed.stepping import (
     collect,
     count_marked,
     load_block,
+    packed,
     recorded_temperatures,
     rows_of,
     store_block,
@@ -92,8 +93,9 @@ def _count(step: int, batch: Batch) -> None:
     """Write the samples and load periods of a step, then count impact, contact and maxima at its end."""
     whole = batch.whole
     for first in range(0, batch.values.shape[1], whole.lanes):
-        marks, record, lanes = load_block(batch, first)
-        block = CaseBlock(whole.load, whole.contacts, marks, record, whole.drive, lanes, whole.steps, whole.h)
+        count = load_block(batch, first)
+        size = first, count, packed(count), whole.steps, whole.h
+        block = CaseBlock(whole.load, whole.contacts, whole.marks, whole.record, whole.drive, *size)
         count_marked(step, block)
         store_block(batch, first)
 

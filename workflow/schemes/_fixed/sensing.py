@@ -23,9 +23,7 @@ CONSTANT, RATE = range(2)
 
 
 @part
-def sense(
-    rows: Array, state: State, contacts: Sequence[ContactRecord], marked: bool, t: float, shown: Array, lanes: int
-) -> None:
+def sense(rows: Array, state: State, contacts: Sequence[ContactRecord], t: float, shown: Array, lanes: int) -> None:
     """Move what sensors show at the end of the last step to its beginning, and fill it at the end of this one, at t."""
     motion, tau, before, sensing = state.motion, state.tau, state.tau_before, state.sensing
     blocks, modes = motion.shape[0], tau.shape[0]
@@ -33,8 +31,7 @@ def sense(
         for lane in range(lanes):
             value = sensing[CONSTANT, s, lane] + sensing[RATE, s, lane] * t
             for c in range(len(contacts)):
-                place = contacts[c].displacement_end[lane] if marked else contacts[c].displacement[lane]
-                value += rows[s, 2 * blocks + 2 * modes + c] * place
+                value += rows[s, 2 * blocks + 2 * modes + c] * contacts[c].displacement_end[lane]
             for j in range(blocks):
                 value += rows[s, j] * motion[j, 0, lane] + rows[s, blocks + j] * motion[j, 1, lane]
             for k in range(modes):

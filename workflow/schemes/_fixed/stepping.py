@@ -19,11 +19,10 @@ from workflow.kernels.compiled import inlined, part
 from workflow.kernels.lanes import LANES, PACK, ROW, LaneTable, named_rows, rows_in, several_rows
 from workflow.kernels.packs import Lane, Pack, narrow, pack, some, some_nonzero, store, where
 from workflow.models import Array, Cases, EndState, Sensors, Structure, project, sensed_values
-from workflow.schemes._fixed import loads
 from workflow.schemes._fixed.balance import Balance
 from workflow.schemes._fixed.coating import UNWORN, Track, Worn, tracks_of, wear_results, worn_of
 from workflow.schemes._fixed.contact import End
-from workflow.schemes._fixed.loads import Drive, DriveRows, Start, TipLoads, tip_loads
+from workflow.schemes._fixed.loads import Drive, DriveRows, Loads, Start, Wave, rows_of_waves
 from workflow.schemes._fixed.rows import Acting, ContactRecord
 from workflow.schemes._interface import HISTORIES, Results, Sampling, Schedule, complete_periods, schedule, sections_of
 
@@ -42,8 +41,8 @@ class Marks(NamedTuple):
     period_weight: Array
     """``(case, period)``."""
     next_mark: NDArray[np.int64]
-    """The next step in which anything is due, the next sample, the next step that ends a load period, ``(3,)``; of a
-    batch ``(block, 3)``."""
+    """The next step in which anything is due, the next sample, the next step that ends a load period, ``(case, 3)``;
+    only the rows of the first cases of blocks are used."""
     next_period: NDArray[np.int64]
     """``(case,)``."""
 
@@ -52,8 +51,7 @@ class BlockRecord(NamedTuple):
     """Output arrays of samples and of load periods that have ended."""
 
     histories: Array
-    """Displacement, velocity, temperature and impulse, ``(case, 4, contact, t)``: any range of cases is contiguous,
-    so that kernels are compiled for one kind of array."""
+    """Displacement, velocity, temperature and impulse, ``(case, 4, contact, t)``."""
     samples: Array
     """Buffered samples, a row for each quantity, contact and sample, ``(4 * contact * WAITING, lane)``."""
     periods: Array
@@ -68,11 +66,15 @@ class BlockRecord(NamedTuple):
 class CaseBlock(NamedTuple):
     """Up to ``LANES`` consecutive cases that a kernel steps at once."""
 
-    load: TipLoads
+    load: Loads
     contacts: Sequence[ContactRecord]
     marks: Marks
     record: BlockRecord
+    """Both of all cases of the batch."""
     drive: Drive | None
+    first: int
+    cases: int
+    """The block's first case, and number of cases."""
     lanes: int
     """Lanes in use, whole packs; the cases come first, idle lanes last."""
     steps: int
@@ -93,32 +95,33 @@ def _close_periods(step: int, block: CaseBlock) -> None:
     """Write the load periods that end within this step, and find the step in which the next one ends."""
     h, periods = block.h, block.record.periods
     period_due, period_weight, next_period = block.marks.period_due, block.marks.period_weight, block.marks.next_period
-    first = NEVER
-    for lane in range(period_due.shape[0]):
-        while next_period[lane] < period_due.shape[1] and period_due[lane, next_period[lane]] == step:
-            k = next_period[lane]
-            share = period_weight[lane, k]
+    next_due = NEVER
+    for lane in range(block.cases):
+        case = block.first + lane
+        while next_period[case] < period_due.shape[1] and period_due[case, next_period[case]] == step:
+            k = next_period[case]
+            share = period_weight[case, k]
             for c in range(len(block.contacts)):
-                own = block.contacts[c]
+                own, ended = block.contacts[c], periods[case, :, c, k]
                 p = own.step_impulse[lane]
                 impulse = _between(own.impulse[lane], own.impulse[lane] + p, share)
                 reached = _between(own.temperature[lane], own.temperature_end[lane], share)
                 contact = own.contact_time[lane] + (share * h if p > 0.0 else 0.0)
                 impacts = own.impacts[lane] + (1.0 if p > 0.0 and own.touching[lane] == 0.0 else 0.0)
-                periods[lane, 0, c, k] = impulse - own.period_impulse[lane]
-                periods[lane, 1, c, k] = max(own.period_hottest[lane], reached)
-                periods[lane, 2, c, k] = contact - own.period_contact[lane]
-                periods[lane, 3, c, k] = _between(own.displacement[lane], own.displacement_end[lane], share)
-                periods[lane, 4, c, k] = _between(own.velocity[lane], own.velocity_end[lane], share)
-                periods[lane, 5, c, k] = reached
-                periods[lane, 6, c, k] = impacts - own.period_impacts[lane]
-                own.hottest[lane] = max(own.hottest[lane], periods[lane, 1, c, k])
+                ended[0] = impulse - own.period_impulse[lane]
+                ended[1] = max(own.period_hottest[lane], reached)
+                ended[2] = contact - own.period_contact[lane]
+                ended[3] = _between(own.displacement[lane], own.displacement_end[lane], share)
+                ended[4] = _between(own.velocity[lane], own.velocity_end[lane], share)
+                ended[5] = reached
+                ended[6] = impacts - own.period_impacts[lane]
+                own.hottest[lane] = max(own.hottest[lane], ended[1])
                 own.period_impulse[lane], own.period_contact[lane] = impulse, contact
                 own.period_hottest[lane], own.period_impacts[lane] = reached, impacts
-            next_period[lane] = k + 1
-        if next_period[lane] < period_due.shape[1]:
-            first = min(first, period_due[lane, next_period[lane]])
-    block.marks.next_mark[2] = first
+            next_period[case] = k + 1
+        if next_period[case] < period_due.shape[1]:
+            next_due = min(next_due, period_due[case, next_period[case]])
+    block.marks.next_mark[block.first, 2] = next_due
 
 
 @part
@@ -127,8 +130,8 @@ def _sample(k: int, share: float, block: CaseBlock) -> None:
     contacts, waiting, histories = block.contacts, block.record.samples, block.record.histories
     sensed, shown = block.record.sensed, block.record.shown
     for sensor in range(sensed.shape[1]):
-        for case in range(sensed.shape[0]):
-            sensed[case, sensor, k] = _between(shown[0, sensor, case], shown[1, sensor, case], share)
+        for i in range(block.cases):
+            sensed[block.first + i, sensor, k] = _between(shown[0, sensor, i], shown[1, sensor, i], share)
     slot = (k - 1) % WAITING
     for first in range(0, block.lanes, PACK):
         lane = narrow(first)
@@ -143,11 +146,11 @@ def _sample(k: int, share: float, block: CaseBlock) -> None:
             ):
                 store(waiting, (row + j * WAITING, lane), _between(begun, ended, share))
     if slot == WAITING - 1 or k == histories.shape[3] - 1:
-        for case in range(histories.shape[0]):
+        for case in range(block.cases):
             for j in range(histories.shape[1]):
                 for c in range(len(contacts)):
                     for i in range(slot + 1):
-                        histories[case, j, c, k - slot + i] = waiting[(4 * c + j) * WAITING + i, case]
+                        histories[block.first + case, j, c, k - slot + i] = waiting[(4 * c + j) * WAITING + i, case]
 
 
 @part
@@ -156,7 +159,7 @@ def _take_marks(step: int, block: CaseBlock) -> float:
 
     All steps but the last count whole, the last up to the duration, where the last sample lies.
     """
-    next_mark, due, weight = block.marks.next_mark, block.marks.sample_due, block.marks.sample_weight
+    next_mark, due, weight = block.marks.next_mark[block.first], block.marks.sample_due, block.marks.sample_weight
     mark = block.steps
     while next_mark[1] < due.size and due[next_mark[1]] == step:
         _sample(next_mark[1], weight[next_mark[1]], block)
@@ -177,8 +180,7 @@ class Batch(NamedTuple):
     lanes: Array
     """Rows of the block that is stepped, ``(row, ROW)``."""
     whole: CaseBlock
-    """Views of the lanes by name, as many as a block has cases at most, with marks and outputs of all cases;
-    :func:`load_block` returns those of a block."""
+    """Views of the lanes by name, as many as a block has cases at most, with marks and outputs."""
 
 
 class Now(NamedTuple):
@@ -196,19 +198,16 @@ class Now(NamedTuple):
     """Whether it is that of central differences at t = 0."""
     waits: bool
     """Whether nothing reads the states of the modes at its end but the next step."""
-    sine: float
-    leader: int
-    """The weighted sine of the load that :func:`loads.weigh_load` returned, and the lane to which it belongs."""
     warmed: bool
     """Whether heating or the temperature of the surroundings moves a contact of some lane."""
 
 
 @inlined
-def step_at(step: int, theta: float, leader: int, warmed: bool, waits: bool, block: CaseBlock) -> Now:
-    """Return a step, with the load at its two ends weighted by 1 - θ and θ."""
-    sine, mark = loads.weigh_load(1.0 - theta, theta, leader, block.load, block.lanes), block.marks.next_mark[0]
+def step_at(step: int, warmed: bool, waits: bool, block: CaseBlock) -> Now:
+    """Return a step."""
+    mark = block.marks.next_mark[block.first, 0]
     marked = step == mark or step == 0
-    return Now(step * block.h, step == block.steps, marked, step + 1 == mark, step == 0, waits, sine, leader, warmed)
+    return Now(step * block.h, step == block.steps, marked, step + 1 == mark, step == 0, waits, warmed)
 
 
 @inlined
@@ -217,31 +216,21 @@ def show(now: Now, h: float, end: End, engaged: bool, act: Acting, own: ContactR
     store(act.place, lane, end.place)
     store(act.speed, lane, end.speed)
     temperature = pack(act.temperature, lane)
-    if now.marked:
+    if now.marked or now.next_marked:
         store_end(end, temperature, own, lane)
+    if now.marked:
         return
-    if now.next_marked:
-        keep_end(end, temperature, own, lane)
     count_end(end.depth, temperature, end.impulse, engaged, h, own, lane)
 
 
 @inlined
 def store_end(end: End, temperature: Pack, own: ContactRecord, lane: Lane) -> None:
-    """Store the contact's state at the end of a step and the impulse in it for :func:`count_marked`."""
+    """Store the contact's state at the end of a step and the impulse in it, for :func:`count_marked` or the next."""
     store(own.displacement_end, lane, end.displacement)
     store(own.velocity_end, lane, end.velocity)
     store(own.temperature_end, lane, temperature)
     store(own.depth_end, lane, end.depth)
     store(own.step_impulse, lane, end.impulse)
-
-
-@inlined
-def keep_end(end: End, temperature: Pack, own: ContactRecord, lane: Lane) -> None:
-    """Keep the contact's state at the end of a step as that at the beginning of the next, in which a mark is due."""
-    store(own.displacement, lane, end.displacement)
-    store(own.velocity, lane, end.velocity)
-    store(own.temperature, lane, temperature)
-    store(own.depth, lane, end.depth)
 
 
 @inlined
@@ -267,13 +256,9 @@ def count_end(
         store(own.impulse, lane, pack(own.impulse, lane) + p)
 
 
-@inlined
-def count_marked(step: int, block: CaseBlock) -> None:
-    """Write the samples and load periods of a step whose end :func:`store_end` stored, then count that end.
-
-    Of the last step all that lies after the duration is cut off.
-    """
-    share = _take_marks(step, block) if step == block.marks.next_mark[0] else 1.0
+@part
+def begin_next(share: float, block: CaseBlock) -> None:
+    """Move the states of contacts that :func:`store_end` stored to the beginning of the next step."""
     for c in range(len(block.contacts)):
         own = block.contacts[c]
         for begun, ended in (
@@ -284,6 +269,18 @@ def count_marked(step: int, block: CaseBlock) -> None:
         ):
             for i in range(block.lanes):
                 begun[i] = _between(begun[i], ended[i], share)
+
+
+@inlined
+def count_marked(step: int, block: CaseBlock) -> None:
+    """Write the samples and load periods of a step whose end :func:`store_end` stored, then count that end.
+
+    Of the last step all that lies after the duration is cut off.
+    """
+    share = _take_marks(step, block) if step == block.marks.next_mark[block.first, 0] else 1.0
+    begin_next(share, block)
+    for c in range(len(block.contacts)):
+        own = block.contacts[c]
         for first in range(0, block.lanes, PACK):
             lane = narrow(first)
             p = share * pack(own.step_impulse, lane)
@@ -292,21 +289,19 @@ def count_marked(step: int, block: CaseBlock) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Watch:
-    """Loads, contacts, samples and load periods of a batch.
+    """Contacts, samples and load periods of a batch.
 
-    ``loads``, ``(row, case)``, and ``contacts``, ``(contact, row, case)``, hold the rows of all cases: the contacts at
-    t = 0, and at the end after it.
+    ``contacts``, ``(contact, row, case)``, holds the rows of all cases at t = 0, and at the end after it.
     """
 
     cases: Cases
     schedule: Schedule
     interval: float
     h: float
-    loads: Array
     contacts: Array
     sensors: Sensors | None
     drive: DriveRows | None
-    """Harmonics of load and casing, ``(…, case)``."""
+    """Harmonics of the casing, ``(…, case)``."""
     tracks: Array | None
     """The coating where contacts pass, ``(contact, row, case)``."""
     worn: Worn
@@ -392,17 +387,19 @@ def watch(
     start = sensed_values(structure.sensors, cases)
     sensed = np.full((*start.shape, plan.due.size), np.nan)
     sensed[..., 0], shown = start, np.stack([start.T, start.T])
-    loads, outputs = tip_loads(cases), (histories, record, due, weight, sensed, shown)
+    outputs = histories, record, due, weight, sensed, shown
     worn = worn_of(cases, count, sampling)
     tracks = tracks_of(cases, worn, contact["depth"].T, structure.contacts.casing_flexibility)
-    return Watch(cases, plan, sampling.interval, h, loads, contacts, structure.sensors, drive, tracks, worn, *outputs)
+    return Watch(cases, plan, sampling.interval, h, contacts, structure.sensors, drive, tracks, worn, *outputs)
 
 
 def rows_of(watched: Watch) -> dict[str, Array]:
     """Return the rows of a batch that every block has: load, contacts, what sensors show, and the drive, if any."""
     drive = {} if watched.drive is None else watched.drive._asdict()
     tracks = {} if watched.tracks is None else {"tracks": watched.tracks}
-    return {"load": watched.loads, "contacts": watched.contacts, "shown": watched.shown, **drive, **tracks}
+    waves = rows_of_waves(watched.cases.load_harmonics, watched.h, 1)
+    load = {"mean": watched.cases.mean[None], "load_waves": waves}
+    return {**load, "contacts": watched.contacts, "shown": watched.shown, **drive, **tracks}
 
 
 def recorded_temperatures(structure: Structure, temperature: Array) -> Array:
@@ -421,48 +418,40 @@ def batch_of(watched: Watch, table: LaneTable, samples: Array, width: int) -> Ba
         sample_weight=plan.weight,
         period_due=watched.period_due,
         period_weight=watched.period_weight,
-        next_mark=np.ones((-(-count // width), 3), dtype=np.int64),  # the first step looks for the first mark
+        next_mark=np.ones((count, 3), dtype=np.int64),  # the first step looks for the first mark
         next_period=np.zeros(count, dtype=np.int64),
     )
     record = BlockRecord(watched.histories, samples, watched.periods, watched.sensed, lanes["shown"])
     drive = None if watched.drive is None else DriveRows(*(lanes[name] for name in DriveRows._fields)).named
-    load, contacts = named_rows(TipLoads, lanes["load"]), several_rows(ContactRecord, lanes["contacts"])
+    load = Loads(lanes["mean"][0], several_rows(Wave, lanes["load_waves"]))
+    contacts = several_rows(ContactRecord, lanes["contacts"])
     tracks = None if watched.tracks is None else several_rows(Track, lanes["tracks"])
-    whole = CaseBlock(load, contacts, marks, record, drive, width, plan.steps, watched.h, tracks, watched.worn)
+    places = 0, count, width, plan.steps
+    whole = CaseBlock(load, contacts, marks, record, drive, *places, watched.h, tracks, watched.worn)
     return Batch(table.values, table.buffer, whole)
 
 
 @inlined
-def load_block(batch: Batch, first: int) -> tuple[Marks, BlockRecord, int]:
-    """Copy the cases of a block from the ``first`` on to the lanes; return marks, outputs and number of lanes.
+def load_block(batch: Batch, first: int) -> int:
+    """Copy the cases of a block from the ``first`` on to the lanes; return their number. Idle lanes are 0.
 
-    Idle lanes are 0. The caller makes the :class:`CaseBlock`: numba returns no records.
+    The caller makes the :class:`CaseBlock`: numba returns no records.
     """
-    values, lanes, whole = batch.values, batch.lanes, batch.whole
+    values, lanes = batch.values, batch.lanes
     assert lanes.shape[1] == ROW
-    stop = min(first + whole.lanes, values.shape[1])
-    count = stop - first
+    count = int(min(batch.whole.lanes, values.shape[1] - first))
     for row in range(values.shape[0]):
         for lane in range(count):
             lanes[row, lane] = values[row, first + lane]
         for lane in range(count, LANES):
             lanes[row, lane] = 0.0
-    marks = Marks(
-        whole.marks.sample_due,
-        whole.marks.sample_weight,
-        whole.marks.period_due[first:stop],
-        whole.marks.period_weight[first:stop],
-        whole.marks.next_mark[first // whole.lanes],
-        whole.marks.next_period[first:stop],
-    )
-    record = BlockRecord(
-        whole.record.histories[first:stop],
-        whole.record.samples,
-        whole.record.periods[first:stop],
-        whole.record.sensed[first:stop],
-        whole.record.shown,
-    )
-    return marks, record, -(-count // PACK) * PACK
+    return count
+
+
+@inlined
+def packed(count: int) -> int:
+    """Return the number of lanes of the packs that so many cases fill."""
+    return -(-count // PACK) * PACK
 
 
 @inlined

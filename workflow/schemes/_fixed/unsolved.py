@@ -66,9 +66,11 @@ def explained(operator: Any, alpha: Array, friction: Array, duration: float, at:
         return f"{holds} up to h = {limit_text(limit)} s"
 
     def message(case: int) -> str:
-        when = f"{contact.name} <= 0" if alone else f"t = {at[case]:.6g} s, contacts {', '.join(contacts.labels)}"
-        said = advice(float(alpha[case]), float(friction[case]))
-        return f"contact has no unique solution at h = {h:.6g} s, {when}: {said}"
+        own = float(alpha[case]), float(friction[case])
+        when = f", t = {at[case]:.6g} s, contacts {', '.join(contacts.labels)}"
+        if alone:
+            when = f" ({contact.name} <= 0 at alpha = {own[0]:.6g}, friction coefficient {own[1]:.6g})"
+        return f"contact has no unique solution at h = {h:.6g} s{when}: {advice(*own)}"
 
     return message
 
