@@ -254,9 +254,8 @@ _HEAT = (
 
 _GROWTH = (
     "eigenvalues, real or not, of the linear system with the tip held at the casing and heated by alpha times the "
-    "contact force; uncertain by 1e-12 of the largest modulus of an eigenvalue; of more than 600 states those of the "
-    "100 modes of each kind that contact heat moves most, the rightmost improved on the whole structure: flutter of "
-    "others may be missed; NaN where it was not found, which message then tells"
+    "contact force; known to 1e-12 of the terms that they are sums of, and 0 within that; of more than 600 states "
+    "those of its krylov basis of 100 + 100 vectors; NaN where contact forces are not unique"
 )
 
 _SETS = (

@@ -301,9 +301,7 @@ def _solve_distinct(
         "status": results.status,
         "runaway": contact["runaway"].astype(np.int8),
     }
-    lost = np.flatnonzero(np.isnan(values["growth_rate"])).tolist()
-    unconverged = dict.fromkeys(lost, "growth_rate: the eigenvalues of the tip in contact did not converge")
-    messages = _said(results.messages, remarks, unconverged)
+    messages = _said(results.messages, remarks)
     if grid.points == 1:
         return Solved(values, messages)
     own, unworn = cases.coating, np.zeros((cases.count, 0, 0))
