@@ -112,25 +112,18 @@ class Grid:
         wear_every = 0 if output.wear is None else output.wear.every
         return Sampling(duration, interval, count, output.balances, output.events or 0, ends, wear_every)
 
-    def each(self, path: str) -> tuple[Any, ...]:
-        """Return the values at a path of the scene in all cases: those of its axis, or the scene's one."""
-        own: Any = self.study.scene
-        for word in path.split(".")[1:]:
-            own = getattr(own, word)
-        return next((axis.values for axis in self.study.axes() if axis.path == path), (own,))
-
     @cached_property
     def most_sectors(self) -> int:
         """Size of the dimension ``sector``: the most sectors of a coating; 0 without one."""
         coating = self.study.scene.casing.coating
-        return 0 if coating is None else max(map(int, self.each("scene.casing.coating.sectors")))
+        return 0 if coating is None else max(map(int, self.study.each("scene.casing.coating.sectors")))
 
     @cached_property
     def revolutions(self) -> Indices:
         """Revolutions at whose ends worn depths are mapped in some case, ``(revolution,)``; none if not asked for."""
         if self.study.output.wear is None:
             return np.zeros(0, dtype=np.int64)
-        every, fastest = self.study.output.wear.every, max(map(float, self.each("scene.speed")))
+        every, fastest = self.study.output.wear.every, max(map(float, self.study.each("scene.speed")))
         return every * np.arange(1, int(self.study.scene.duration * fastest / every + AT_BORDER) + 1)
 
     @cached_property
@@ -241,8 +234,7 @@ class Grid:
     def shortest(self) -> float:
         """Shortest time that steps resolve, s; the samples where no scheme of the study has steps."""
         stepping = any("h" in schemes.load(choice.method).READS for choice in self.study.schemes.values())
-        steps = next((axis.values for axis in self._varied if axis.path == "h"), (self.base["h"],))
-        return float(min(map(float, steps))) if stepping else self.sampling.interval
+        return min(map(float, self.study.each("h"))) if stepping else self.sampling.interval
 
     def inner_values(self, inner: Indices) -> Mapping[str, NDArray[np.float64]]:
         """Return the values of the axes that vary within a batch, each ``(case,)``, by path."""

@@ -41,13 +41,13 @@ def coating_lines(grid: Grid) -> tuple[str, ...]:
 
 def coating_cautions(grid: Grid) -> Iterator[str]:
     """Yield that worn depths depend on sectors: to compare them, and that they are wide, or passed by a step."""
-    most, counts = grid.most_sectors, {*grid.each(_SECTORS)} if grid.most_sectors else set()
+    most, counts = grid.most_sectors, {*grid.study.each(_SECTORS)} if grid.most_sectors else set()
     if most < 2:
         return
     if len(counts) == 1:
         remedy = f"compare e.g. `axes: {{{_SECTORS}: [{most // 2}, {most}]}}`"
         yield f"worn depths depend on `sectors`, and there is one number of them: {remedy}"
-    cut, speeds = _cut(grid), [*map(float, grid.each("scene.speed"))]
+    cut, speeds = _cut(grid), [*map(float, grid.study.each("scene.speed"))]
     travel = 0.0 if cut is None else cut.speed / (min(speeds) * most)
     if cut is not None and travel > cut.depth > 0:
         yield (

@@ -252,7 +252,7 @@ def _of_coating(grid: Grid) -> Iterator[tuple[str, xr.Variable]]:
         return
     path, middles = "scene.casing.coating.sectors", np.arange(grid.most_sectors) + 0.5
     along = [d.name for d in (*grid.outer, *grid.inner) if any(axis.path == path for axis in d.axes)]
-    counts = np.array(grid.each(path), dtype=np.float64)[:, None]
+    counts = np.array(grid.study.each(path), dtype=np.float64)[:, None]
     angles = 2 * np.pi * np.where(middles < counts, middles / counts, np.nan)
     about = {"units": "rad", "long_name": "angle of the middle of a sector of the casing, as a contact passes it"}
     yield "sector_angle", _variable((*along, "sector"), angles if along else angles[0], about)

@@ -83,7 +83,7 @@ def tip_cells(grid: Grid) -> dict[str, Any]:
 def coarse_tip(grid: Grid) -> Iterator[str]:
     """Yield that the cell at the tip is thicker than heat enters in a contact of a tenth of the shortest period."""
     about, frequency, scene = tip_cells(grid), grid.fastest, grid.study.scene
-    heated = scene.makes_alpha or any(_values(grid, "alpha"))
+    heated = scene.makes_alpha or any(grid.study.each("alpha"))
     if about and frequency > 0 and heated:
         yield from too_thick(about, _CONTACT_SHARE / frequency, _TENTH)
 
@@ -219,16 +219,11 @@ def _units(every: Sequence[Any]) -> Iterator[str]:
 def _units_of_scene(grid: Grid) -> Iterator[str]:
     """Yield that a speed is that of no machine, and that friction beside α acts on nothing."""
     scene, friction = grid.study.scene, grid.study.scene.friction
-    fastest = float(max(_values(grid, "scene.speed", scene.speed)))
+    fastest = max(map(float, grid.study.each("scene.speed")))
     if fastest > _FASTEST:
         yield f"a speed of {fastest:.6g} Hz is {60 * fastest:.6g} rpm: check its unit, Hz or e.g. `9000 rpm`"
     if friction is not None and not scene.makes_alpha and not full_structure(grid.settings(0)).contacts.slides:
         yield "`scene.friction.coefficient` changes nothing: alpha is given, and the structure has no `tangent`"
-
-
-def _values(grid: Grid, path: str, otherwise: Any = ()) -> Any:
-    """Return the values at a path in all cases, where no axis has it one for all or a list."""
-    return next((axis.values for axis in grid.study.axes() if axis.path == path), np.ravel(otherwise))
 
 
 def _distinct_settings(grid: Grid, *beginnings: str) -> Iterator[CaseSettings]:
@@ -236,8 +231,8 @@ def _distinct_settings(grid: Grid, *beginnings: str) -> Iterator[CaseSettings]:
 
     Where structures depend on the speed the fastest counts: it grows most.
     """
-    speeds = _values(grid, "scene.speed") if grid.study.depends_on_speed else ()
-    fastest = {"scene.speed": max(speeds)} if len(speeds) else {}
+    speeds = map(float, grid.study.each("scene.speed"))
+    fastest = {"scene.speed": max(speeds)} if grid.study.depends_on_speed else {}
     for outer in _some_of(np.array(grid.kinds(lambda path: path.startswith(beginnings))), MOST_OUTER):
         yield grid.settings(int(outer), fastest)
 
@@ -377,7 +372,7 @@ def _fixed_reference(grid: Grid) -> Iterator[str]:
 
 def _stands_still(grid: Grid) -> Iterator[str]:
     """Yield that a structure depends on a speed that is left out."""
-    if grid.study.depends_on_speed and not any(_values(grid, "scene.speed", grid.study.scene.speed)):
+    if grid.study.depends_on_speed and not any(grid.study.each("scene.speed")):
         yield "the structure depends on the speed, and `scene.speed` is left out, so it stands still (Ω = 0)"
 
 

@@ -94,8 +94,7 @@ def _read(source: StudySource) -> Study:
 
 def _speeds(study: Study) -> Array:
     """Return speeds from 0 to the fastest of a study, its own among them, ascending, rev/s."""
-    along = [axis.values for axis in study.axes() if axis.path == "scene.speed"]
-    own = np.array(along[0] if along else [study.scene.speed], dtype=np.float64)
+    own = np.array(study.each("scene.speed"), dtype=np.float64)
     if own.max() == 0:
         raise ValueError("the study has no speed; write `speed` in its scene, or the axis `scene.speed`")
     return np.union1d(np.linspace(0.0, own.max(), _POINTS), own)

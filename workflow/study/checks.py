@@ -42,7 +42,7 @@ MOST_COMBINATIONS = 10**7
 """Combinations of start and casing that are judged before a study runs."""
 
 _ONE_OF_TWO = "write one of the two"
-_CASING_HARMONICS = "scene.casing.harmonics"
+_CASING_HARMONICS, _FLEXIBILITY = "scene.casing.harmonics", "scene.casing.flexibility"
 _GAPS = (GAP, "scene.casing.clearance")
 
 
@@ -178,9 +178,9 @@ def _friction(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fau
             remedy = f"write `{other}` too, or the coefficient alone and alpha under `axes`"
             yield ("scene", "friction"), f"has no `{other}`, and makes no alpha", remedy
         if contacts.is_massless:
-            most = max(map(float, _values(cases, path, friction.coefficient)))
+            most = max(map(float, cases.each(path)))
             flexibility = contacts.flexibility(most)
-            if np.linalg.eigvalsh(flexibility + flexibility.T)[0] / 2 + min(_flexibilities(cases)) <= 0:
+            if np.linalg.eigvalsh(flexibility + flexibility.T)[0] / 2 + min(map(float, cases.each(_FLEXIBILITY))) <= 0:
                 problem = f"{most:g} makes the symmetric part of R - µ R^t, the residuals of contacts, indefinite"
                 yield source.place_of(path), problem, "write less, or check `residual_tangent`"
         reference = {} if cases.reference is None else cases.reference.values
@@ -191,23 +191,17 @@ def _friction(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fau
             yield place, "stands beside `scene.friction`, from which it follows", remedy
 
 
-def _values(cases: CaseSpace, path: str, otherwise: Any = None) -> tuple[Any, ...]:
-    """Return the values at a path in all cases, where no axis has it one for all; none of ``None``."""
-    own = () if otherwise is None else (otherwise,)
-    return next((axis.values for axis in cases.axes() if axis.path == path), own)
-
-
 def _steps(cases: CaseSpace) -> tuple[float, ...]:
     """Return the time steps of all cases; none where no scheme reads them."""
-    used = (schemes.load(cases.schemes[str(label)].method) for label in _values(cases, "scheme"))
-    return tuple(map(float, _values(cases, "h"))) if any("h" in scheme.READS for scheme in used) else ()
+    used = (schemes.load(cases.schemes[str(label)].method) for label in cases.each("scheme"))
+    return tuple(map(float, cases.each("h"))) if any("h" in scheme.READS for scheme in used) else ()
 
 
 def _support(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
     """Refuse schemes that do not take the harmonics of a scene."""
     casing, load = (bool(harmonics) for harmonics in _harmonics_of(cases).values())
     where = source.axes.get("scheme", ("scene", "casing" if casing else "load", "harmonics"))
-    named: list[tuple[Place, str]] = [(where, str(label)) for label in _values(cases, "scheme")]
+    named: list[tuple[Place, str]] = [(where, str(label)) for label in cases.each("scheme")]
     if cases.reference is not None and "scheme" in cases.reference.values:
         named.append((("reference", "scheme"), str(cases.reference.values["scheme"])))
     for place, label in named:
@@ -272,13 +266,8 @@ def _sensors(cases: CaseSpace, sizes: Sizes) -> Iterator[Fault]:
             return
 
 
-def _flexibilities(cases: CaseSpace) -> list[float]:
-    """Return the flexibilities of the casing, m/N."""
-    return [float(one) for one in _values(cases, "scene.casing.flexibility", cases.scene.casing.flexibility)]
-
-
 def _is_elastic(cases: CaseSpace) -> bool:
-    return any(_flexibilities(cases))
+    return any(cases.each(_FLEXIBILITY))
 
 
 def _elastic(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
@@ -302,19 +291,19 @@ def _elastic(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
 
 def _coating(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
     """Refuse a coating on a rigid casing, sectors of a casing that does not turn, and a map of either."""
-    coating, speeds = cases.scene.casing.coating, _values(cases, "scene.speed", cases.scene.speed)
+    coating, speeds = cases.scene.casing.coating, cases.each("scene.speed")
     turn = "write `speed` in the scene, e.g. `speed: 9000 rpm`"
-    if coating is not None and 0.0 in _flexibilities(cases):
+    if coating is not None and 0.0 in cases.each(_FLEXIBILITY):
         remedy = "write `flexibility` beside it, that of casing and coating before it is worn, e.g. `flexibility: 1e-7`"
         yield ("scene", "casing", "coating"), "lies on a rigid casing", remedy
     path = "scene.casing.coating.sectors"
-    if coating is not None and max(_values(cases, path, coating.sectors)) > 1 and 0.0 in speeds:
+    if coating is not None and max(map(float, cases.each(path))) > 1 and 0.0 in speeds:
         yield source.place_of(path), "are of a casing that does not turn", f"{turn}, or `sectors: 1`"
     if cases.output.wear is not None and (coating is None or 0.0 in speeds):
         problem = "maps a coating, and the casing has none" if coating is None else "counts revolutions at no speed"
         yield ("output", "wear"), problem, "leave it out, or write `coating`" if coating is None else turn
     elif cases.output.wear is not None:
-        revolutions = int(cases.scene.duration * max(speeds) + AT_BORDER)
+        revolutions = int(cases.scene.duration * max(map(float, speeds)) + AT_BORDER)
         if cases.output.wear.every > revolutions:
             problem = f"maps every {cases.output.wear.every} revolutions of a case that has {revolutions}"
             yield ("output", "wear"), problem, "write fewer, or a longer duration"
@@ -365,7 +354,7 @@ def _branch(cases: CaseSpace) -> Iterator[Fault]:
             )
     if cases.branch is None:
         return
-    if {cases.schemes[str(label)].method for label in _values(cases, "scheme")} != {"event_driven"}:
+    if {cases.schemes[str(label)].method for label in cases.each("scheme")} != {"event_driven"}:
         remedy = "write `scheme: event_driven` under `axes`, or a list in the place of the branch"
         yield ("axes", cases.branch.axis.path), "is a branch, which only event_driven follows", remedy
     if cases.reference is not None:
@@ -381,7 +370,7 @@ def _speed(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
         if followed is not None and followed.axis.path == path:
             problem = f"is a {law} over the speed, on which the structure depends"
             yield ("axes", path), problem, "write a list in its place"
-    fastest = max(scene.speed, *map(float, _values(cases, path, scene.speed)))
+    fastest = max(scene.speed, *map(float, cases.each(path)))
     try:
         models.structure_of(scene.model, models.at_speed(scene.model, scene.parameters, fastest))
     except models.UnusableMatricesError as error:
@@ -524,19 +513,17 @@ def _extent(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
 def _frequencies(cases: CaseSpace) -> Iterator[tuple[str, float]]:
     """Yield path and largest value of the frequencies that load periods may be counted by."""
 
-    def largest(path: str, value: float | None) -> float:
-        return max(map(float, _values(cases, path, value or 0.0)))
+    def largest(path: str) -> float:
+        return max(map(float, cases.each(path)), default=0.0)
 
-    scene = cases.scene
-    yield "scene.load.frequency", largest("scene.load.frequency", scene.load.frequency)
+    yield "scene.load.frequency", largest("scene.load.frequency")
     for group, harmonics in _harmonics_of(cases).items():
         path = f"scene.{group}.harmonics.0."
         for first in harmonics[:1]:
             if first.order is None:
-                yield f"{path}frequency", largest(f"{path}frequency", first.frequency)
+                yield f"{path}frequency", largest(f"{path}frequency")
             else:
-                speed = largest("scene.speed", scene.speed)
-                yield f"{path}order", speed * largest(f"{path}order", first.order)
+                yield f"{path}order", largest("scene.speed") * largest(f"{path}order")
 
 
 def _interval(cases: CaseSpace) -> Iterator[Fault]:

@@ -354,7 +354,7 @@ class CaseSpace:
     @property
     def is_auto(self) -> bool:
         """Whether it leaves a count of modes to its tolerance in some case."""
-        return any(CHOSEN in axis.values for axis in self.axes() if axis.path in MODES)
+        return any(CHOSEN in self.each(path) for path in MODES)
 
     @property
     def uncertain(self) -> Mapping[str, Change]:
@@ -375,6 +375,12 @@ class CaseSpace:
         yield from over
         if self.branch is not None:
             yield self.branch.axis
+
+    def each(self, path: str) -> tuple[Value, ...]:
+        """Return the values at a path in all cases: those of its axis, or the scene's one; none where there is none."""
+        along = next((axis.values for axis in self.axes() if axis.path == path), None)
+        own = self.number_at(path) if along is None else None
+        return along or (() if own is None else (own,))
 
     def _attributes(self, path: str) -> list[str]:
         """Return the names of attributes that lead to a value of the scene, places in lists too."""

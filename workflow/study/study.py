@@ -417,7 +417,7 @@ def _reference(
 
 def _bare(cases: CaseSpace) -> dict[str, SchemeChoice]:
     """Return the methods that a study names without defining them."""
-    used = [str(label) for axis in cases.axes() if axis.path == "scheme" for label in axis.values]
+    used = [str(label) for label in cases.each("scheme")]
     used += [axis.path.split(".")[1] for axis in cases.axes() if axis.path.startswith("schemes.")]
     if cases.reference is not None and "scheme" in cases.reference.values:
         used.append(str(cases.reference.values["scheme"]))
