@@ -230,13 +230,30 @@ def coated() -> Line:
     return "`event_driven`, 1 000 revolutions, coating of 360 sectors, 3 + 12 modes", "", f"{seconds:.0f} ms", ""
 
 
+def out_of_reach(method: str, duration: str) -> Line:
+    """A coating that is never touched over the elastic casing alone: the median ratio of runs in turns."""
+    axes = {"axes.scheme": method, "axes.h": 1e-5, "axes.alpha": {"lin": [0, 1, 256]}, "output.interval": "0.1 s"}
+    coat = parsed(COATED).with_(axes | {"scene.duration": duration, "scene.casing.gap": "5 mm"})
+    casing = {"gap": "5 mm", "flexibility": 1e-7, "harmonics": [{"order": 2, "amplitude": "12 um"}]}
+    alone = coat.with_({"scene.casing": casing})
+    pairs = []
+    with scratch() as directory:
+        for k in range(8):
+            for name, study in (("coat", coat), ("alone", alone)):
+                run_study(study, directory / f"{name}{k}.nc", threads=1)
+            pairs.append([kernel_seconds(directory / f"{name}{k}.nc") for name in ("coat", "alone")])
+    ratio = median(both / alone for both, alone in pairs[1:])  # the first may compile
+    what = f"`{method}`, a case that never touches its coating over `flexibility` alone"
+    return what, "<= 1.05", f"{1e3 * min(pairs)[0] / 256:.3g} ms", f"{ratio:.2f}"
+
+
 def lines(size: Size) -> list[Line]:
     """Return the lines that need no other process."""
     with scratch() as directory:  # kernels compiled, libraries loaded
         run_study(parsed(trivial(4, METRICS)), directory / "a.nc")
     threads = available_threads()
     each = 1e6 * overhead(size.grids[-1], threads=threads)
-    table = [*equal_terms(size), coated()]
+    table = [*equal_terms(size), coated(), out_of_reach("moreau", "0.3 s"), out_of_reach("event_driven", "3 s")]
     what = f"run of {size.run_cases} cases with metrics"
     table.append(over_kernels(what, heavy(size.run_cases), heavy(4), size.runs))
     alphas = max(2, size.run_cases // 200)
