@@ -128,6 +128,20 @@ def test_an_elastic_casing_is_met_without_a_mark() -> None:
     assert np.isin(states(values), ["no_contact", "settles", "unstable"]).all()
 
 
+def test_a_branch_is_followed_back_from_the_end_of_its_range() -> None:
+    """At its start the rub of one period is unstable, and no transient comes to it."""
+    structure = oscillator()
+    scene = cases(structure, e=0.8, amplitude=1.0, frequency=2 / TURN, phase=np.pi / 2, displacement=-0.5)
+
+    def problem(omega: float) -> tuple[Structure, Cases]:
+        turning = replace(scene.load_harmonics, frequency=np.array([[omega / TURN]]))
+        return structure, replace(scene, load_harmonics=turning)
+
+    values, _ = branch(problem, 2.75, 2.3, 12, Options(periods=1, samples=4))
+    (doubling,) = flagged(values, "period_doubling")
+    assert values["value"][[0, doubling, -1]] == pytest.approx([2.75, 2.653347727855, 2.3], abs=1e-9)
+
+
 def test_a_stiff_casing_is_passed_to_the_motion_without_contact() -> None:
     """Its branch turns where the free motion, whose largest x is |H|, grazes, but for the square of the flexibility."""
     structure = chain(nodes=1, mass=1.0, stiffness=1.0, damping=Rayleigh(0.2, 0.0)).on_casing(1e-3)

@@ -149,7 +149,8 @@ def _at(curve: Curve, trace: list[Place], arclength: float) -> Point | None:
 
 def _reversed(point: Point, shift: float = 0.0) -> Point:
     """Return a point with the opposite direction of the curve, whose arclength is counted from ``shift``."""
-    return replace(point, tangent=-point.tangent, row=-point.row, arclength=shift - point.arclength)
+    turned = {"tangent": -point.tangent, "row": -point.row, "regular": -point.regular}
+    return replace(point, **turned, arclength=shift - point.arclength)
 
 
 def _first(curve: Curve, options: Options) -> Point | None:
@@ -184,9 +185,10 @@ def _followed(curve: Curve, first: Point) -> list[Place]:
         if same and np.linalg.norm(here.u - first.u) < 0.5 * here.arclength / count:
             break  # a closed branch
         if step < _LEAST:
-            if here.word is None:
+            mapped = None if here.word is None else curve.unworded(here)
+            if mapped is None:
                 return [*trace[:-1], Place(here, GRAZING)]
-            here, step = curve.unworded(here), _FIRST
+            here, step = mapped, _FIRST
         found, ahead = curve.step(here, step), here.q + step * here.tangent[-1]
         if not 0.0 <= ahead <= 1.0:
             found = curve.at(here, 0.0 if ahead < 0 else 1.0)

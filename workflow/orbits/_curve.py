@@ -166,18 +166,12 @@ class Curve:
         found = self._newton(frame_of(point)._replace(word=word), guess, _plane(guess, row), row)
         return point if found is None or not found.is_motion else replace(found, arclength=point.arclength)
 
-    def unworded(self, point: Point) -> Point:
-        """Return a point as one of the map."""
-        kept = np.r_[: point.w.size, -1]
-        residual = self._mapped(np.append(point.w, point.q), frame_of(point)._replace(word=None))
-        return replace(
-            point,
-            word=None,
-            times=np.zeros(0),
-            residual=residual or point.residual,
-            tangent=point.tangent[kept],
-            row=point.row[kept],
-        )
+    def unworded(self, point: Point) -> Point | None:
+        """Return a point as one of the map; ``None`` where its motion does not repeat."""
+        u, frame = np.append(point.w, point.q), frame_of(point)._replace(word=None)
+        residual, kept = self._mapped(u, frame), np.r_[: point.w.size, -1]
+        found = residual and self._point(u, frame, residual, point.row[kept])
+        return found and replace(found, arclength=point.arclength)
 
     def grazing(self, here: Point, beyond: Point) -> tuple[Point, Point] | None:
         """Return the place between two points of a word at which an impact begins or ends, with both words.
@@ -265,10 +259,8 @@ class Curve:
 
     def halved(self, point: Point) -> Point | None:
         """Return the rub of half the order in the middle of a rub whose halves are nearly alike."""
-        orbit = replace(point.orbit, order=point.orbit.order // 2)
-        return self.at(
-            replace(self.unworded(point), orbit=orbit, w=point.w + 0.5 * self.between_halves(point)), point.q
-        )
+        orbit, whole = replace(point.orbit, order=point.orbit.order // 2), self.unworded(point)
+        return whole and self.at(replace(whole, orbit=orbit, w=point.w + 0.5 * self.between_halves(point)), point.q)
 
     def between_halves(self, point: Point) -> Array:
         """Return the change of w over a half of a rub's period."""
