@@ -149,8 +149,8 @@ def _at(curve: Curve, trace: list[Place], arclength: float) -> Point | None:
 
 def _reversed(point: Point, shift: float = 0.0) -> Point:
     """Return a point with the opposite direction of the curve, whose arclength is counted from ``shift``."""
-    turned = {"tangent": -point.tangent, "row": -point.row, "regular": -point.regular}
-    return replace(point, **turned, arclength=shift - point.arclength)
+    tangent, row, regular = -point.tangent, -point.row, -point.regular
+    return replace(point, tangent=tangent, row=row, regular=regular, arclength=shift - point.arclength)
 
 
 def _first(curve: Curve, options: Options) -> Point | None:
