@@ -158,7 +158,8 @@ def merge(parts: list[tuple[NDArray[np.int64], Results]]) -> Results:
     def joined(arrays: list[Array]) -> Array:
         whole = np.full((order.size, *map(max, *(a.shape[1:] for a in arrays))), np.nan)
         for (where, _), a in zip(parts, arrays, strict=True):
-            whole[(where, *map(slice, a.shape[1:]))] = a
+            inside: Any = (where, *map(slice, a.shape[1:]))
+            whole[inside] = a
         return whole
 
     ends: list[Any] = [result.end for result in results]
