@@ -28,10 +28,11 @@ _FAST = 2.5
 
 
 @inlined
-def row_sum(rows: Array, i: int) -> float:
-    """Return the sum of a row of whole packs, by eight partial sums."""
+def row_sum(rows: Array, i: int, first: int, last: int) -> float:
+    """Return the sum of ``rows[i, first:last]``, by eight partial sums."""
     a = b = c = d = e = f = g = h = 0.0
-    for start in range(0, rows.shape[1], 8):
+    eights = first + (last - first) // 8 * 8
+    for start in range(first, eights, 8):
         k = np.uintp(start)  # unsigned: no wrap-around test of a negative index
         a += rows[i, k]
         b += rows[i, k + np.uintp(1)]
@@ -41,7 +42,10 @@ def row_sum(rows: Array, i: int) -> float:
         f += rows[i, k + np.uintp(5)]
         g += rows[i, k + np.uintp(6)]
         h += rows[i, k + np.uintp(7)]
-    return ((a + b) + (c + d)) + ((e + f) + (g + h))
+    subtotal = ((a + b) + (c + d)) + ((e + f) + (g + h))
+    for j in range(eights, last):
+        subtotal += rows[i, j]
+    return subtotal
 
 
 @part
@@ -68,8 +72,8 @@ def expand_output(m: Motion, output: int, y: Array, t: float) -> None:
     for i in range(m.explicits):
         _expand_explicit(m, output, int(m.block[block.EXPLICIT_COLUMNS, i]), y, t, sums)
     for row in range(expansion.FOURTH + 1):
-        sums[row, n] = sums[row, 0] + row_sum(d, row)
-    sums[expansion.SIZE, 0] += row_sum(d, expansion.TAIL)
+        sums[row, n] = sums[row, 0] + row_sum(d, row, 0, d.shape[1])
+    sums[expansion.SIZE, 0] += row_sum(d, expansion.TAIL, 0, d.shape[1])
     sums[expansion.TAIL, n], sums[expansion.TAIL_SLOPE, n] = 0.0, 0.0
 
 

@@ -167,7 +167,7 @@ def _series(m: Motion, t: float, order: int) -> None:
             derivatives[n] += term
             term *= -mu
     for n in range(order + 1):
-        derivatives[n] += row_sum(d, expansion.D0)
+        derivatives[n] += row_sum(d, expansion.D0, 0, d.shape[1])
         for k in range(d.shape[1]):
             s2 = -b[block.DAMPING, k] * d[expansion.D1, k] - b[block.STIFFNESS, k] * d[expansion.D0, k]
             d[expansion.D0, k] = d[expansion.D1, k]
