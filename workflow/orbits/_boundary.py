@@ -58,6 +58,9 @@ _MOST, _MOST_STEPS = 20, 500
 _FIRST, _LARGEST, _LEAST, _TURN = 1e-2, 0.05, 1e-7, 0.03
 """First, largest and least step, and the largest turn in one, 1 less its cosine."""
 
+_REAL = 1e-4
+"""Sine of the angle of a torus beside ±1: the steps before become less than the least where they are 1e-5."""
+
 _SAME = 1e-6
 """Distance of q₁ of two bifurcations, of one kind at one end of q₂, that are the same."""
 
@@ -268,7 +271,8 @@ class _Boundary:
                 return trail, _RANGE
             here, step = self.rephased(ahead), min(1.5 * step, _LARGEST)
             trail[-1] = here
-        return trail, _NOT_FOLLOWED
+        is_real = self.kind == TORUS and abs(np.sin(here.U[-3])) < _REAL  # where θ and -θ meet slopes are singular
+        return trail, _RESONANCE if is_real else _NOT_FOLLOWED
 
     def rephased(self, spot: _Spot) -> _Spot:
         """Return an orbit with its section moved to the middle of its longest stretch, if an event is near."""
