@@ -144,7 +144,9 @@ def _nearest(trace: list[Place], arclength: float) -> list[Point]:
 def _at(curve: Curve, trace: list[Place], arclength: float) -> Point | None:
     """Return the point at an arclength."""
     steps = (curve.step(near, arclength - near.arclength) for near in _nearest(trace, arclength))
-    return next((point for point in steps if point is not None and point.is_motion), None)
+    with one_thread():
+        found = next((point for point in steps if point is not None and point.is_motion), None)
+    return found
 
 
 def _reversed(point: Point, shift: float = 0.0) -> Point:
