@@ -45,6 +45,7 @@ from workflow.models._static import (
     CriticalFriction,
     NoEquilibriumError,
     at_rest,
+    compliant_places,
     critical_alpha,
     critical_alphas,
     critical_friction,

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from workflow.kernels import Array
 from workflow.kernels.lemke import complementarity
-from workflow.models._cases import Cases, distinct_rows
+from workflow.models._cases import Cases, distinct_rows, project
 from workflow.models._coating import coated_forces
 from workflow.models._contacts import Contacts, closed_sets
 from workflow.models._modes import coupled_damping, mechanical_modes
@@ -339,6 +339,28 @@ def at_rest(structure: Structure, cases: Cases) -> Cases:
     for i in np.flatnonzero(closed.any(axis=1) & (not contacts.is_compliant)):
         velocity[i] = np.linalg.pinv(contacts.normal[closed[i]]) @ moves[i, closed[i]]
     return replace(cases, displacement=displacement, velocity=velocity, temperature=temperature)
+
+
+def compliant_places(structure: Structure, cases: Cases, spring_flexibility: float) -> Array:
+    """Return x_i of compliant contacts at t = 0, m, ``(case, contact)``: d + w + c λ if they touch; NaN without a λ."""
+    contacts, (surface, _), own = structure.contacts, cases.casing_of_contacts(0.0), cases.coating
+    c, level, hardening = (
+        contacts.casing_flexibility + spring_flexibility,
+        np.full_like(surface, np.inf),
+        np.zeros(cases.count),
+    )
+    if own is not None:
+        surface, level, hardening = surface + own.worn_at_start(), own.level_at_start(), own.hardening
+    free = project(contacts.normal, cases.displacement) + cases.load_at(0.0)[:, None] * contacts.residual_load_or_zero
+    if contacts.residual_coupling is not None:
+        free -= project(contacts.residual_coupling, cases.temperature)
+    for i in np.flatnonzero((free > surface).any(axis=1)):
+        flexibility = contacts.flexibility(float(cases.friction[i]))
+        compliance = flexibility + c * np.eye(contacts.count)
+        pressed = coated_forces(compliance, surface[i] - free[i], c, level[i], hardening[i])
+        force, grown = (np.full(contacts.count, np.nan),) * 2 if pressed is None else pressed
+        free[i] = np.where(force > 0, surface[i] + (grown + c * force), free[i] - flexibility @ force)
+    return free
 
 
 def free_reach(structure: Structure, cases: Cases, duration: float) -> Array:

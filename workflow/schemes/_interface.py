@@ -9,12 +9,12 @@ from enum import IntEnum
 from fractions import Fraction
 from inspect import signature
 from types import ModuleType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.models import Array, Cases, EndState, Structure, couples_free_modes
+from workflow.models import AT_BORDER, Array, Cases, EndState, Structure, couples_free_modes
 
 HISTORIES = ("displacement", "velocity", "temperature", "impulse")
 """Tip histories that every scheme samples, each of shape ``(case, t)``."""
@@ -105,6 +105,50 @@ def schedule(sampling: Sampling, h: float) -> Schedule:
     beyond = due > steps  # the duration is a multiple of the interval only to 1e-9
     due, weight = np.where(beyond, steps, due), np.where(beyond, 1.0, weight)
     return Schedule(steps, due.astype(np.int64), weight.astype(np.float64))
+
+
+class Worn(NamedTuple):
+    """Worn depths of the sectors."""
+
+    depth: Array
+    """m, ``(case, contact, sector)``."""
+    map: Array
+    """Those at the ends of revolutions, ``(case, contact, revolution, sector)``."""
+    every: int
+    """Revolutions from one row of the map to the next."""
+
+
+UNWORN = Worn(np.zeros((0, 0, 0)), np.zeros((0, 0, 0, 0)), 1)
+"""Of a casing without a coating."""
+
+
+def worn_of(cases: Cases, contacts: int, sampling: Sampling) -> Worn:
+    """Return the worn depths of cases at t = 0, where a pressed contact crushes at once; without sectors if none."""
+    own = cases.coating
+    count = 0 if own is None else own.worn.shape[2]
+    depth = np.zeros((cases.count, contacts, count)) if own is None else own.worn.copy()
+    rows = 0 if own is None or not sampling.wear_every else int(np.max(_revolutions(own.speed, sampling)))
+    return Worn(depth, np.full((cases.count, contacts, rows, count), np.nan), max(1, sampling.wear_every))
+
+
+def _revolutions(speed: Array, sampling: Sampling) -> Array:
+    """Return the number of rows of the map of each case."""
+    return np.floor(sampling.duration * speed / sampling.wear_every + AT_BORDER)
+
+
+def wear_results(cases: Cases, worn: Worn, lost: NDArray[np.bool_]) -> dict[str, Array]:
+    """Return ``worn_depth`` and ``wear_map``, NaN beyond the sectors of a case and where it is ``lost``.
+
+    Nothing without a coating.
+    """
+    own = cases.coating
+    if own is None:
+        return {}
+    for case, count in enumerate(own.sectors.astype(int).tolist()):
+        worn.depth[case, :, 0 if lost[case] else count :] = np.nan
+    worn.map[lost] = np.nan
+    results = {"worn_depth": worn.depth, "wear_map": worn.map}
+    return results if cases.contact_shape else {name: values[:, 0] for name, values in results.items()}
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,6 +20,7 @@ from workflow.models import (
     Sensors,
     Structure,
     analyse_contacts,
+    compliant_places,
     distinct_rows,
     project,
 )
@@ -41,8 +42,6 @@ from workflow.schemes._exact.record import EVENT, TALLY, Asked, Record
 from workflow.schemes._exact.set_motion import Budget, Case, Coat, Thresholds, memory, with_room
 from workflow.schemes._exact.set_tables import FULL, MOST_BYTES, ROOM, SetTable, SharedSets
 from workflow.schemes._exact.tables import wave
-from workflow.schemes._fixed.coating import Worn, wear_results, worn_of
-from workflow.schemes._fixed.loads import compliant_places
 from workflow.schemes._interface import (
     EXTRAPOLATED,
     HISTORIES,
@@ -51,8 +50,11 @@ from workflow.schemes._interface import (
     Results,
     Sampling,
     Status,
+    Worn,
     complete_periods,
     sections_of,
+    wear_results,
+    worn_of,
 )
 
 THRESHOLDS = Thresholds(height=1e-10, speed=1e-3, force=64.0)

@@ -10,10 +10,9 @@ x' - d', the drive gives
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from workflow.kernels.compiled import inlined, part
 from workflow.kernels.lanes import Rows, named_rows, rows_in
@@ -21,7 +20,7 @@ from workflow.kernels.packs import Lane, Pack, lanes_of, pack, store
 from workflow.models import AT_BORDER, Array, Cases
 from workflow.schemes._fixed.law import TipStep
 from workflow.schemes._fixed.rows import Acting
-from workflow.schemes._interface import Sampling
+from workflow.schemes._interface import Worn
 
 
 class Track(Rows):
@@ -48,35 +47,6 @@ class Track(Rows):
     """What borders have given so far, J."""
     mapped: Array
     """Number of rows of the map that are filled."""
-
-
-class Worn(NamedTuple):
-    """Worn depths of the sectors."""
-
-    depth: Array
-    """m, ``(case, contact, sector)``."""
-    map: Array
-    """Those at the ends of revolutions, ``(case, contact, revolution, sector)``."""
-    every: int
-    """Revolutions from one row of the map to the next."""
-
-
-UNWORN = Worn(np.zeros((0, 0, 0)), np.zeros((0, 0, 0, 0)), 1)
-"""Of a casing without a coating."""
-
-
-def worn_of(cases: Cases, contacts: int, sampling: Sampling) -> Worn:
-    """Return the worn depths of cases at t = 0, where a pressed contact crushes at once; without sectors if none."""
-    own = cases.coating
-    count = 0 if own is None else own.worn.shape[2]
-    depth = np.zeros((cases.count, contacts, count)) if own is None else own.worn.copy()
-    rows = 0 if own is None or not sampling.wear_every else int(np.max(_revolutions(own.speed, sampling)))
-    return Worn(depth, np.full((cases.count, contacts, rows, count), np.nan), max(1, sampling.wear_every))
-
-
-def _revolutions(speed: Array, sampling: Sampling) -> Array:
-    """Return the number of rows of the map of each case."""
-    return np.floor(sampling.duration * speed / sampling.wear_every + AT_BORDER)
 
 
 def tracks_of(cases: Cases, worn: Worn, depth: Array, flexibility: float) -> Array | None:
@@ -191,18 +161,3 @@ def _fill_map(tracks: Sequence[Track], worn: Worn, t: float) -> None:
                 for k in range(int(track.sectors[case])):
                     worn.map[case, c, int(track.mapped[case]), k] = worn.depth[case, c, k]
                 track.mapped[case] += 1.0
-
-
-def wear_results(cases: Cases, worn: Worn, lost: NDArray[np.bool_]) -> dict[str, Array]:
-    """Return ``worn_depth`` and ``wear_map``, NaN beyond the sectors of a case and where it is ``lost``.
-
-    Nothing without a coating.
-    """
-    own = cases.coating
-    if own is None:
-        return {}
-    for case, count in enumerate(own.sectors.astype(int).tolist()):
-        worn.depth[case, :, 0 if lost[case] else count :] = np.nan
-    worn.map[lost] = np.nan
-    results = {"worn_depth": worn.depth, "wear_map": worn.map}
-    return results if cases.contact_shape else {name: values[:, 0] for name, values in results.items()}

@@ -24,7 +24,7 @@ from workflow.kernels import elementary, elementwise
 from workflow.kernels.compiled import inlined, part
 from workflow.kernels.lanes import PACK, Rows, named_rows, rows_in, several_rows
 from workflow.kernels.packs import Lane, Pack, narrow, pack, spread, store
-from workflow.models import Array, Cases, Harmonics, Structure, coated_forces, project
+from workflow.models import Array, Cases, Harmonics, Structure, compliant_places, project
 from workflow.schemes._fixed.rows import Acting
 from workflow.schemes._interface import AT_REST
 
@@ -211,28 +211,6 @@ def start_of(
     own = np.where(touches, cases.clearances, x - moved)
     drive = DriveRows(rows_of_waves(casing, h), seen)
     return drive, Start(shown, v, place, own, relative, moved, before, follows)
-
-
-def compliant_places(structure: Structure, cases: Cases, spring_flexibility: float) -> Array:
-    """Return x_i of compliant contacts at t = 0, m, ``(case, contact)``: d + w + c λ if they touch; NaN without a λ."""
-    contacts, (surface, _), own = structure.contacts, cases.casing_of_contacts(0.0), cases.coating
-    c, level, hardening = (
-        contacts.casing_flexibility + spring_flexibility,
-        np.full_like(surface, np.inf),
-        np.zeros(cases.count),
-    )
-    if own is not None:
-        surface, level, hardening = surface + own.worn_at_start(), own.level_at_start(), own.hardening
-    free = project(contacts.normal, cases.displacement) + cases.load_at(0.0)[:, None] * contacts.residual_load_or_zero
-    if contacts.residual_coupling is not None:
-        free -= project(contacts.residual_coupling, cases.temperature)
-    for i in np.flatnonzero((free > surface).any(axis=1)):
-        flexibility = contacts.flexibility(float(cases.friction[i]))
-        compliance = flexibility + c * np.eye(contacts.count)
-        pressed = coated_forces(compliance, surface[i] - free[i], c, level[i], hardening[i])
-        force, grown = (np.full(contacts.count, np.nan),) * 2 if pressed is None else pressed
-        free[i] = np.where(force > 0, surface[i] + (grown + c * force), free[i] - flexibility @ force)
-    return free
 
 
 def _seen(cases: Cases, contacts: int, h: float, theta: float) -> tuple[Array, Array, Array, Array]:

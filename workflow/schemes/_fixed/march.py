@@ -27,7 +27,7 @@ from workflow.models import Array, Cases, Structure, project
 from workflow.schemes._fixed import balance, stepping
 from workflow.schemes._fixed.balance import Account, Balances, dense_of
 from workflow.schemes._fixed.blocks import Blocks
-from workflow.schemes._fixed.coating import Worn, enter_sectors, fill_map, wear
+from workflow.schemes._fixed.coating import enter_sectors, fill_map, wear
 from workflow.schemes._fixed.contact import (
     Contact,
     Meeting,
@@ -66,7 +66,7 @@ from workflow.schemes._fixed.rows import Acting, Own
 from workflow.schemes._fixed.sensing import sense, sensing_of
 from workflow.schemes._fixed.stepping import Batch, CaseBlock, Ended, Now
 from workflow.schemes._fixed.unsolved import divisors
-from workflow.schemes._interface import Sampling
+from workflow.schemes._interface import Sampling, Worn
 
 R = TypeVar("R", bound=Callable[..., tuple[float, float, float]])
 

@@ -20,11 +20,23 @@ from workflow.kernels.lanes import LANES, PACK, ROW, LaneTable, named_rows, rows
 from workflow.kernels.packs import Lane, Pack, narrow, pack, some, some_nonzero, store, where
 from workflow.models import Array, Cases, EndState, Sensors, Structure, project, sensed_values
 from workflow.schemes._fixed.balance import Balance
-from workflow.schemes._fixed.coating import UNWORN, Track, Worn, tracks_of, wear_results, worn_of
+from workflow.schemes._fixed.coating import Track, tracks_of
 from workflow.schemes._fixed.contact import End
 from workflow.schemes._fixed.loads import Drive, DriveRows, Loads, Start, Wave, rows_of_waves
 from workflow.schemes._fixed.rows import Acting, ContactRecord
-from workflow.schemes._interface import HISTORIES, Results, Sampling, Schedule, complete_periods, schedule, sections_of
+from workflow.schemes._interface import (
+    HISTORIES,
+    UNWORN,
+    Results,
+    Sampling,
+    Schedule,
+    Worn,
+    complete_periods,
+    schedule,
+    sections_of,
+    wear_results,
+    worn_of,
+)
 
 NEVER = np.iinfo(np.int64).max
 
