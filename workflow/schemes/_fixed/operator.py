@@ -73,7 +73,7 @@ class Operator:
         velocity = self.method.first_velocity(blocks.modal, h, cases, begins, contact)
         ended = step_batch(self.structure, blocks, contact, cases, velocity, sampling, drive, begins)
         # squared: the state of a growing contact may be finite where its energy is not
-        last = [ended.watched.contact[name] for name in ("displacement", "velocity", "temperature")]
+        last = [ended.watched.contact[name] for name in ("displacement", "velocity", "temperature", "impulse")]
         finite = np.asarray(np.isfinite(np.square(last)).all(axis=(0, 1)))
         explain = explained(self, cases.alpha, cases.friction, sampling.duration, ended.unsolved)
         return collect(ended, *self._judged(blocks, finite, ended.ambiguous, explain))
