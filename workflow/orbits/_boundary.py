@@ -56,7 +56,7 @@ _MOST, _MOST_STEPS = 20, 500
 """Largest numbers of Newton steps with one matrix, and of steps along a curve."""
 
 _FIRST, _LARGEST, _LEAST, _TURN = 1e-2, 0.05, 1e-7, 0.03
-"""First, largest and least step, and the largest turn in one, 1 less its cosine."""
+"""First step, the largest of both numbers, the least one, and the largest turn in one, 1 less its cosine."""
 
 _REAL = 1e-4
 """Sine of the angle of a torus beside ±1: the steps before become less than the least where they are 1e-5."""
@@ -269,7 +269,7 @@ class _Boundary:
             trail.append(ahead)
             if late:
                 return trail, _RANGE
-            here, step = self.rephased(ahead), min(1.5 * step, _LARGEST)
+            here, step = self.rephased(ahead), min(1.5 * step, _LARGEST / float(np.linalg.norm(ahead.tangent[-2:])))
             trail[-1] = here
         is_real = self.kind == TORUS and abs(np.sin(here.U[-3])) < _REAL  # where θ and -θ meet slopes are singular
         return trail, _RESONANCE if is_real else _NOT_FOLLOWED
@@ -318,9 +318,9 @@ class _Boundary:
             end, measure = _RESONANCE, lambda U, _: min(U[-3], np.pi - U[-3])
         elif shot is None:
             return None, _NOT_FOLLOWED
-        elif np.any(np.diff(shot.times, prepend=0.0, append=1.0) <= 0):
+        elif np.any(meet := (np.diff(shot.times) <= 0) & (np.diff(shot.word.contact) != 0)):
             times = slice(self.w.size, self.w.size + self.events)
-            end, measure = _CORNER, lambda U, _: float(np.diff(U[times], prepend=0.0, append=1.0).min())
+            end, measure = _CORNER, lambda U, _: float(np.diff(U[times])[meet].min())
         elif shot.slowest(self.grazing) <= 0:
             end, measure = _GRAZES, lambda _, each: each.shot.slowest(self.grazing) if each.shot else np.nan
         else:
