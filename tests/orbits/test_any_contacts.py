@@ -312,6 +312,39 @@ def test_a_casing_that_stiffens_tends_to_a_rigid_one() -> None:
     assert np.log10(errors[0] / errors[1]) == pytest.approx(1.0, abs=0.02)
 
 
+PRESSED = {
+    "stiffness": np.array([[2.0, -1.0], [-1.0, 1.0]]),
+    "contact": np.eye(2)[1:],
+    "load": np.ones(2),
+}
+"""Two masses in a row, the last of which meets the casing."""
+
+
+@pytest.mark.parametrize(
+    ("entries", "own", "order", "names"),
+    [
+        ({}, {"e": 1.0, "gaps": np.ones(1)}, 0.5, ("orbit_displacement", "floquet_angle")),
+        (PRESSED, {"mean": 3.0, "gaps": np.zeros(1)}, 1.0, ("orbit_displacement", "steady_impulse")),
+    ],
+    ids=["impacts", "permanent"],
+)
+def test_a_mass_on_a_casing_that_stiffens_tends_to_one_on_a_rigid_one(
+    entries: dict[str, Any], own: dict[str, Any], order: float, names: tuple[str, ...]
+) -> None:
+    """Order of the flexibility c: 1 in permanent contact; 1/2, with e = 1, of impacts, which last π √(m c)."""
+    rigid = oscillators(max(1, len(entries.get("load", ()))), **entries)
+
+    def found(flexibility: float) -> dict[str, Any]:
+        structure = rigid.on_casing(flexibility) if flexibility else rigid
+        return rub(structure, cases_of_file(structure, **LOAD, **own))
+
+    limit, *softer = (found(c) for c in (0.0, 1e-4, 1e-4 / 4, 1e-4 / 16))
+    for name in names:
+        errors = [np.abs(one[name] - limit[name]).max() for one in softer]
+        assert errors[-1] > 1e-9
+        np.testing.assert_allclose(np.log(np.divide(errors[:-1], errors[1:])) / np.log(4), order, atol=0.02)
+
+
 @pytest.mark.parametrize(("residual", "flexibility"), [(0.0, 0.05), (0.05, 0.0), (0.03, 0.02)])
 def test_the_fold_of_a_resonance_on_an_elastic_stop(residual: float, flexibility: float) -> None:
     """It is at ω = 1.609368218015, by an independent solver in 40 digits, whatever yields: contact or casing."""

@@ -290,6 +290,32 @@ def test_a_symmetric_rub_that_loses_its_symmetry_is_no_fold() -> None:
     assert values["floquet_multiplier"][point] == pytest.approx(1.0, abs=1e-7)
 
 
+@pytest.mark.parametrize(
+    ("omega", "gap", "kind", "multipliers"),
+    [
+        (2.985956697503248, 0.3, "branch_point", [1, 0.1273288339170674 + 0.5716668555436962j, 0.2019586652387377]),
+        (3.199164686932802, 0.26, "branch_point", [1, 0.2798539454605508 + 0.5130394594880479j, 0.2133418061933887]),
+        (2.996961696241059, 0.2995498491454248, "fold", [1, 0.1386139823967455 + 0.5684144039731601j, 0.2029394311775934]),
+    ],
+)
+def test_multipliers_of_two_contacts(omega: float, gap: float, kind: str, multipliers: list[complex]) -> None:
+    """Both gaps vary, or the second one beside a first of 0.3."""
+    start = {"displacement": [-0.24624493489465, -0.10312516560556738], "velocity": [0.8241482402055442, -0.83224753]}
+    structure, scene = two_contacts(omega / TURN, **start)
+
+    def problem(second: float) -> tuple[Structure, Cases]:
+        return structure, replace(scene, gaps=np.array([[0.3 if kind == "fold" else second, second]]))
+
+    followed = follow(problem, 0.24, 0.33, Options(periods=1))
+    flagged = [place.point for place in followed.trace if BIFURCATIONS[place.flag] == kind]
+    found = {followed.curve.value(point.q): point.orbit for point in flagged}
+    value = min(found, key=lambda each: abs(each - gap))
+    assert value == pytest.approx(gap, abs=1e-9)
+    first, second, conjugate, last = found[value].multipliers
+    assert second == pytest.approx(np.conj(conjugate))
+    assert [first, second, last] == pytest.approx(multipliers, abs=1e-8)
+
+
 def test_folds_of_two_contacts_with_unequal_gaps() -> None:
     start = {"displacement": [-0.24624493489465, -0.10312516560556738], "velocity": [0.8241482402055442, -0.83224753]}
     structure, scene = two_contacts(3.0 / TURN, **start)

@@ -91,6 +91,34 @@ def test_a_range_without_bifurcations_has_no_boundary_and_a_message(tmp_path: Pa
     assert "no branch has a bifurcation" in str(archive["message"].values)
 
 
+STIFF = {
+    "chain": {"nodes": 1, "mass": 1, "stiffness": 1, "damping": {"mass": 0.04}, "heat_capacity": 1},
+    "casing": {"gap": 1.2, "flexibility": 0.04},
+    "load": {"mean": 0.1, "amplitude": 1, "frequency": 1.609368218015 / (2 * np.pi), "phase": 0.25},
+    "initial": {"displacement": -2.4981210350381513, "velocity": 4.2020412256701025},
+    "duration": 1,
+}
+"""A mass whose rub has a fold at a flexibility of 0.05 m/N."""
+
+
+@pytest.mark.parametrize(
+    ("scene", "name", "ends", "fold"),
+    [
+        (SCENE, "clearance", [0.0, 5e-4], FOLDS[8.0] - 0.0013),
+        (STIFF, "flexibility", [0.045, 0.055], 0.05),
+    ],
+)
+def test_branches_along_numbers_of_the_casing(
+    tmp_path: Path, scene: dict[str, Any], name: str, ends: list[float], fold: float
+) -> None:
+    plain = study({GAP: None, "alpha": 8.0 if scene is SCENE else None, f"scene.casing.{name}": {"branch": [*ends, 6]}})
+    outcome = run_study(plain | {"scene": scene}, tmp_path / "branch.nc", threads=1)
+    assert outcome.ok
+    archive = read(tmp_path / "branch.nc")
+    folds = archive[name].values[labels(archive["bifurcation"]).values == "fold"]
+    assert folds == pytest.approx([fold], rel=1e-9)
+
+
 def test_both_are_words_of_the_case_and_no_words_change_none() -> None:
     def hashed(given: dict[str, Any]) -> bytes:
         return case_hashes(arrange(read_study(given))).tobytes()

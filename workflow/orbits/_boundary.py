@@ -367,7 +367,7 @@ class _Boundary:
             for arclength in np.interp(lengths, along, [spot.arclength for spot in known]).tolist():
                 near = min(trail, key=lambda spot: abs(spot.arclength - arclength))
                 between = self.step(near, arclength - near.arclength)
-                if between is not None:
+                if between is not None and self.is_motion(between[0], between[1]):
                     found.append(near._replace(U=between[0], residual=between[1], arclength=arclength))
         return [trail[0], *found, trail[-1]]
 

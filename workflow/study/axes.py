@@ -232,6 +232,11 @@ class Arrangement:
                 self.source.report(group.place, problem, "give the dimension another name")
         zips = {group.name for group in self.groups if group.name}
         names = coordinate_names([*varied, *singles], reserved | zips)
+        owners = {names[path]: path for path in sorted(names, reverse=True)}
+        for path in names:
+            if owners[names[path]] != path:  # labels of contacts differ by signs that no name has
+                problem = f"would be `{names[path]}` in the archive, and so would {quoted(owners[names[path]])}"
+                self.source.report(self.source.axes[path], problem, "give the contacts other labels")
 
         def axis(path: str, values: tuple[Value, ...]) -> Axis:
             entry = addresses[path]
