@@ -83,6 +83,16 @@ def test_what_is_no_gap_of_a_contact_is_refused(
         read(tmp_path, axes, casing)
 
 
+@pytest.mark.parametrize("zipped", [False, True])
+def test_gaps_of_contacts_that_would_have_one_name_are_refused(tmp_path: Path, zipped: bool) -> None:
+    alike = {f"scene.casing.gap.{label}": [6e-5, 7e-5] for label in ("a b", "a_b")}
+    sections = {"axes": USUAL, "zip": {"gaps": alike}} if zipped else {"axes": USUAL | alike}
+    labelled = {**chain(), "contact_labels": np.array(["a b", "a_b"])}
+    message = "gap.a_b: would be `scene_casing_gap_a_b` in the archive, and so would `scene.casing.gap.a b`; give the"
+    with pytest.raises(StudyError, match=message):
+        read_study(study(tmp_path, labelled, **sections))
+
+
 def test_it_stands_for_no_gap_of_the_others_and_for_none_of_one_contact(tmp_path: Path) -> None:
     lone = {name: rows[-1] for name, rows in chain().items() if name in ("contact", "thermal_contact")}
     one = study(

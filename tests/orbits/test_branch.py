@@ -162,12 +162,29 @@ def test_a_stiff_casing_is_passed_to_the_motion_without_contact() -> None:
 def test_a_branch_does_not_go_over_to_another_one_at_the_same_place() -> None:
     """A blade on a contact without mass: rubs of two branches have nearly the same displacements at one phase."""
     structure = reduce_structure(blade(damping=Rayleigh(10.0, 2e-6)), 3, 12, "macneal").structure
-    scene = cases(structure, amplitude=4.0, frequency=3700.0, gap=1e-5)
+    scene = cases(structure, amplitude=4.0, frequency=3700.0, gap=2e-5)
     values = followed(along("gaps", structure, scene), 1e-5, 8e-5, 12)
     first, last = values["value"][flagged(values, "fold")]
     assert first == pytest.approx(3.09481e-5, rel=1e-5)
     assert last < 1.82e-5
     assert states(values)[-1] == "no_contact"
+
+
+def test_a_branch_goes_along_bases_whose_modes_have_other_signs() -> None:
+    """Modes of a blade whose length varies, none of which is the displacement of the contact."""
+    structures = dict[float, Structure]()
+
+    def problem(length: float) -> tuple[Structure, Cases]:
+        if length not in structures:
+            whole = blade(nodes=8, damping=Rayleigh(10.0, 2e-6), length=length)
+            structures[length] = reduce_structure(whole, 5, 2, "macneal").structure
+        return structures[length], cases(structures[length], amplitude=4.0, frequency=3700.0, gap=2e-5)
+
+    values = followed(problem, 0.04, 0.042, 6)
+    signs = {tuple(np.sign(one.contacts.normal[0] @ one.mass).tolist()) for one in structures.values()}
+    assert len(signs) > 1
+    assert values["value"][[0, -1]].tolist() == [0.04, 0.042]
+    assert np.isfinite(values["value"]).all()
 
 
 def test_equilibria_of_permanent_contact_under_a_constant_load() -> None:

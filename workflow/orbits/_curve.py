@@ -337,7 +337,7 @@ class Curve:
     def _charts(self, flow: Flow) -> tuple[Array, Array]:
         """Return w per X and X per w.
 
-        Coordinates of a reduced structure have the signs of their coupling to the tip at the first point.
+        Coordinates of a reduced structure have the signs of their inertial coupling to the contacts at the first point.
         """
         if self.charts is not None and self.charts[0] is flow.structure:
             return self.charts[1:]
@@ -347,8 +347,9 @@ class Curve:
         size, n = flow.start.size, flow.modes
         kinds = [(basis.shapes, basis.to_modes)] * 2
         kinds += [(basis.heat_shapes, basis.to_thermal)] * flow.is_heated
-        inertia = [first.mass[-1] * now.mass[-1]] * 2 + [first.heat_capacity[-1] * now.heat_capacity[-1]]
-        sides = np.where(np.concatenate(inertia)[:size] < 0, -1.0, 1.0)
+        then, here = ((one.contacts.normal @ one.mass, one.contacts.heat @ one.heat_capacity) for one in (first, now))
+        alike = [(a * b).sum(axis=0) for a, b in zip(then, here, strict=True)]
+        sides = np.where(np.concatenate([alike[0], *alike])[:size] < 0, -1.0, 1.0)
         factor = sides / (np.repeat(self.scale, (n, n, size - 2 * n)) * np.sqrt(size))
         out, into = (block_diagonal(*matrices) for matrices in zip(*kinds, strict=True))
         self.charts = flow.structure, factor[:, None] * out, into / factor
