@@ -128,6 +128,19 @@ def test_an_elastic_casing_is_met_without_a_mark() -> None:
     assert np.isin(states(values), ["no_contact", "settles", "unstable"]).all()
 
 
+def test_where_a_branch_on_an_elastic_casing_is_lost_nothing_is_marked() -> None:
+    """The load jumps, and the rub with it: that is no grazing, which such a rub passes."""
+    structure = chain(nodes=1, mass=1.0, stiffness=1.0, damping=Rayleigh(0.2, 0.0)).on_casing(0.05)
+
+    def problem(gap: float) -> tuple[Structure, Cases]:
+        amplitude = 1.0 if gap > 0.75 else 0.7
+        return structure, cases(structure, gap=gap, amplitude=amplitude, frequency=1.19 / TURN)
+
+    values = followed(problem, 1.0, 0.5, 5)
+    assert values["value"][[0, -1]] == pytest.approx([1.0, 0.75])
+    assert not values["bifurcation"].any()
+
+
 def test_a_branch_is_followed_back_from_the_end_of_its_range() -> None:
     """At its start the rub of one period is unstable, and no transient comes to it; places by a solver of 40 digits."""
     structure = chain(nodes=1, mass=1.0, stiffness=1.0, damping=Rayleigh(0.04, 0.0)).on_casing(0.05)

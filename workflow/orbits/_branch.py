@@ -176,10 +176,10 @@ def _followed(curve: Curve, first: Point) -> list[Place]:
     """Return the points from one to the end of the range or of the branch, with the bifurcations between.
 
     At a grazing the branch goes on with an impact less or more, whichever way that leads. It ends where the order of
-    other events changes and it turns back.
+    other events changes and it turns back: a grazing, but of compliant contacts, which pass one without a mark.
     """
     trace, here, step, count = [Place(first)], first, _FIRST, 1
-    heats = slice(2 * first.orbit.flow.modes, None)
+    heats, smooth = slice(2 * first.orbit.flow.modes, None), first.orbit.flow.structure.contacts.is_compliant
     while count < _MOST_STEPS and (here.orbit.growth < 0 or np.linalg.norm(here.w[heats]) < _FAR):
         if here.q in (0.0, 1.0) and (here.tangent[-1] > 0) == (here.q == 1.0):
             break
@@ -189,7 +189,7 @@ def _followed(curve: Curve, first: Point) -> list[Place]:
         if step < _LEAST:
             mapped = None if here.word is None else curve.unworded(here)
             if mapped is None:
-                return [*trace[:-1], Place(here, GRAZING)]
+                return trace if smooth else [*trace[:-1], Place(here, GRAZING)]
             here, step = mapped, _FIRST
         found, ahead = curve.step(here, step), here.q + step * here.tangent[-1]
         if not 0.0 <= ahead <= 1.0:
