@@ -18,7 +18,7 @@ TURN = 2 * np.pi
 SEEDS = (
     1, 2, 5, 6, 8, 11, 12, 14, 16, 18, 19, 23, 24, 25, 26, 27, 28, 30, 33, 36, 38, 39, 47, 49, 51, 53, 55, 56, 57, 58,
 )  # fmt: skip
-"""Those with bifurcations, without series of bounces, whose curves take more than a minute."""
+"""Problems with bifurcations, but those with series of bounces, whose curves take minutes."""
 
 NEAR, PARALLEL = 0.005, 0.05
 """Half the range of a branch, over that of the boundary; slope of a boundary below which no branch crosses it."""
