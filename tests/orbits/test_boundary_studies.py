@@ -82,6 +82,19 @@ def test_the_shift_of_a_bifurcation_is_that_of_its_boundary(folds: Path) -> None
     assert archive["bifurcation_shift"].drop_isel(point=at).isnull().all()
 
 
+def test_heat_acts_beside_a_branch_without(tmp_path: Path) -> None:
+    """A branch at α = 0 has the temperatures of its boundary, and of a coupling that is not quite 0."""
+    cold: dict[str, Any] = study({"alpha": {"boundary": [0.0, 2.0, 3]}}, {"alpha": 0.1})
+    begins = {name: value for name, value in START.items() if name != "temperature"}
+    cold["scene"] = SCENE | {"chain": CHAIN | HEAT | {"heating": 0}, "initial": begins}
+    assert run_study(cold, tmp_path / "cold.nc", threads=1).ok
+    archive = read(tmp_path / "cold.nc")
+    gap, alpha = (archive[name].isel(curve=0).values for name in ("boundary_gap", "boundary_alpha"))
+    assert alpha == pytest.approx([0, 1, 2], abs=1e-6)
+    shift = archive["bifurcation_shift"].isel(uncertain=0).max().item()
+    assert shift == pytest.approx(0.1 * (4 * gap[1] - 3 * gap[0] - gap[2]) / 2, rel=1e-3)
+
+
 def test_a_range_without_bifurcations_has_no_boundary_and_a_message(tmp_path: Path) -> None:
     plain = study({GAP: {"branch": [0.0013, 0.0014, 3]}, "alpha": {"boundary": [8.0, 9.0, 3]}})
     outcome = run_study(plain, tmp_path / "none.nc", threads=1)

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass
-from itertools import pairwise, product
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -118,10 +118,6 @@ class _Boundary:
         self.curve, self.problem, self.low, self.high = copy(curve), problem, low, high
         point, self.kind, self.grazing = place.point, place.flag, None
         self.frame, self.w = frame_of(point), point.w
-        values = (problem(curve.value(q), each) for q, each in product((0.0, 0.5, 1.0), (low, high)))
-        if not curve.heated and any(cases.heated.any() for _, cases in values):  # thermal states are 0 without heat
-            self.curve.heated = True
-            self.w = np.append(self.w, np.zeros(point.orbit.flow.structure.thermal_size))
         self.angles = np.zeros(0)
         if self.kind == TORUS:
             multipliers = point.orbit.multipliers
@@ -416,8 +412,8 @@ def boundaries(
 ) -> tuple[Boundaries, str]:
     """Return the boundaries through the bifurcations of two branches, at the other parameter's ``low`` and ``high``.
 
-    ``first`` and ``last`` are the branches there, followed over the same range. The message is '' or says what is not
-    stored or not followed.
+    ``first`` and ``last`` are the branches there, followed over the same range, ``heated`` where heat acts in either.
+    The message is '' or says what is not stored or not followed.
     """
     with one_thread():  # matrices are small
         return _stored(problem, first, last, low, high, count)

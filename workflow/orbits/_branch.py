@@ -58,9 +58,12 @@ class Followed:
     trace: list[Place]
 
 
-def follow(problem: Problem, start: float, stop: float, options: Options) -> Followed:
-    """Follow the branch of steady rubs through the first one found at start, at stop or between."""
-    curve = Curve(problem, start, stop)
+def follow(problem: Problem, start: float, stop: float, options: Options, *, heated: bool = False) -> Followed:
+    """Follow the branch of steady rubs through the first one found at start, at stop or between.
+
+    It has thermal states where heat acts within its range, or ``heated`` is set: where it acts at another number.
+    """
+    curve = Curve(problem, start, stop, heated)
     with one_thread():  # matrices are small
         first = _first(curve, options)
         if first is None:

@@ -112,13 +112,13 @@ class Residual(NamedTuple):
 class Curve:
     """The periodic rubs of one order of a problem over a range."""
 
-    def __init__(self, problem: Problem, start: float, stop: float):
+    def __init__(self, problem: Problem, start: float, stop: float, heated: bool):
         self.problem, self.start, self.stop = problem, start, stop
         self.scale: Array | None = None
         self.first: Structure | None = None
         self.shared: AnalysedStructure | None = None
         self.charts: tuple[Structure, Array, Array] | None = None
-        self.heated = any(problem(self.value(q))[1].heated.any() for q in (0.0, 0.5, 1.0))
+        self.heated = heated or any(problem(self.value(q))[1].heated.any() for q in (0.0, 0.5, 1.0))
 
     def value(self, q: float) -> float:
         """Return the value of the parameter at q."""

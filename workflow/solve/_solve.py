@@ -87,17 +87,20 @@ def branch_values(grid: Grid, outer: int, inner: Indices, perturbation: Perturba
         return Number(partial(problem, path), value, change)
 
     (start, stop), options = map(float, axis.values), Options(asked.periods, asked.samples)
-    followed = follow(lambda value: problem(axis.path, value, value), start, stop, options)
+    numbers = [number(path, change.value) for path, change in study.uncertain.items()]
+    beside = [each.problem(start, each.value + each.change) for each in numbers]
+    if study.boundary is not None:
+        over, (low, high) = study.boundary.axis, map(float, study.boundary.axis.values)
+        beside += [problem(over.path, start, low), problem(over.path, start, high)]
+    heated = any(bool(cases.heated.any()) for _, cases in beside)
+    followed = follow(lambda value: problem(axis.path, value, value), start, stop, options, heated=heated)
     along, message = tabulate(followed, study.branch.points, options)
     values: Values = along
     values[axis.name] = values.pop("value")
-    if study.uncertain:
-        numbers = [number(path, change.value) for path, change in study.uncertain.items()]
+    if numbers:
         values["bifurcation_shift"] = bifurcation_shifts(followed, study.branch.points, numbers).T
     if study.boundary is not None:
-        over = study.boundary.axis
-        low, high = map(float, over.values)
-        last = follow(lambda value: problem(over.path, value, high), start, stop, options)
+        last = follow(lambda value: problem(over.path, value, high), start, stop, options, heated=heated)
         found, told = boundaries(partial(problem, over.path), followed, last, low, high, study.boundary.points)
         values |= {"boundary_kind": found.kind, "boundary_end": found.end}
         values |= {"boundary_angle": found.angle, "boundary_other": found.other}
