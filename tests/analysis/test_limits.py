@@ -216,6 +216,7 @@ def transients(contacts: int) -> xr.Dataset:
         ),
         "displacement": (("gap", *own, "t"), x if contacts else x[:, 0]),
         "status": ("gap", np.zeros(3, dtype=np.int8)),
+        "runaway": ("gap", np.zeros(3, dtype=np.int8)),
     }
     return xr.Dataset(variables, coords={"gap": ("gap", GAP, {"units": "m"})})
 
@@ -260,14 +261,25 @@ def test_a_case_that_is_not_ok_ends_a_range_and_few_periods_are_said() -> None:
     plain["status"][1] = 2
     assert limits(plain).limits[0].limited_by == "failed"
     short = plain.isel(period=slice(7))
-    assert limits(short).remarks[1].startswith("2 of 3 cases have fewer than 8 load periods")
-    many = short.expand_dims(start=[0.0, 1.0]).assign_coords(
+    assert limits(short, temperature=90.0).remarks[1].startswith("2 of 3 cases have fewer than 8 load periods")
+    many = plain.expand_dims(start=[0.0, 1.0]).assign_coords(
         start=("start", [0.0, 1.0], {"study_path": "scene.initial.velocity"})
     )
     assert "from these starts" in limits(many).remarks[0]
 
 
+def test_few_load_periods_judge_nothing_alone_and_no_case_that_may_run_away() -> None:
+    short = transients(0).isel(period=slice(7))
+    with pytest.raises(NothingSteadyError, match="no 8 load periods"):
+        limits(short)
+    short["runaway"][1] = 1
+    [gap] = limits(short, temperature=90.0).limits
+    assert (gap.stop, gap.next, gap.limited_by) == (4e-5, 2e-5, "unsettled")
+
+
 def test_archives_without_steady_rubs_are_refused() -> None:
+    with pytest.raises(NothingSteadyError, match="coating"):
+        limits(transients(0).assign(worn_depth=("gap", np.zeros(3))))
     with pytest.raises(NothingSteadyError, match="steady"):
         limits(MAP.drop_vars("steady_state"))
     with pytest.raises(NothingSteadyError, match="event_driven"):

@@ -264,6 +264,8 @@ def test_a_doubling_close_to_the_end_of_a_range_is_marked(start: float) -> None:
     followed = follow(lambda alpha: (structure, with_numbers(scene, alpha=alpha)), start, 0.0, Options(periods=1))
     (doubling,) = (place.point for place in followed.trace if BIFURCATIONS[place.flag] == "period_doubling")
     assert followed.curve.value(doubling.q) == pytest.approx(18.12398228, abs=1e-8)
+    said = [tabulate(followed, points, Options(periods=1, samples=2))[1] for points in (3, 4)]
+    assert said == ["steady: 2 bifurcations leave few of the 3 points to the arms between them; ask for more", ""]
 
 
 def two_contacts(frequency: float, **start: list[float]) -> tuple[Structure, Cases]:

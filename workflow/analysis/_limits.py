@@ -134,10 +134,9 @@ def limits(dataset: xr.Dataset, **bounds: float | None) -> Limits:
     """
     if swept_axis(dataset) is not None:
         raise NothingSteadyError("holds a sweep, whose points are no cases of their own; run its study with a list")
+    if "worn_depth" in dataset:
+        raise NothingSteadyError("holds rubs in a coating, which settle as it wears; look at its `worn_depth`")
     given = {name: most for name, most in bounds.items() if most is not None}
-    if "steady_state" not in dataset and "period_impulse" not in dataset and not given:
-        remedy = "run its study with `output: {steady: true}`, or give a bound"
-        raise NothingSteadyError(f"holds no steady rubs, and no load periods by which rubs have settled; {remedy}")
     faults, asked, remarks = (_faults if "steady_state" in dataset else _faults_of_transients)(dataset, given)
     if not asked.any():
         raise NothingSteadyError("holds no case of event_driven, and only that scheme has steady rubs")
@@ -179,8 +178,12 @@ def _faults_of_transients(dataset: xr.Dataset, bounds: Mapping[str, float]) -> _
     if "period_impulse" in dataset:
         impulse = dataset["period_impulse"].transpose(*case_dims(dataset), ..., "period").values
         change = np.fmax.reduce(change_of_impulse(impulse).reshape(*ok.shape, -1), axis=-1)
-    faults[(faults == "") & (change > SETTLED)] = "unsettled"
     unjudged = int(np.sum(ok & np.isnan(change)))
+    if unjudged and unjudged == np.sum(ok) and not bounds:
+        wanted = f"holds no steady rubs, and no {FEWEST} load periods by which rubs have settled"
+        raise NothingSteadyError(f"{wanted}; run its study with `output: {{steady: true}}` or longer, or give a bound")
+    grows = dataset["runaway"].transpose(*case_dims(dataset)).values == 1
+    faults[(faults == "") & ((change > SETTLED) | (np.isnan(change) & grows))] = "unsettled"
     few = (
         f"{unjudged} of {ok.size} cases have fewer than {FEWEST} load periods: whether they have settled is not judged."
     )

@@ -87,15 +87,16 @@ def tabulate(followed: Followed, points: int, options: Options) -> tuple[dict[st
     values = tabulated(rubs + beyond * [Settled(NOT_FOUND)], options.samples, curve.problem(curve.start)[0])
     values["value"] = np.pad([curve.value(point.q) for point, _ in found], (0, beyond), constant_values=np.nan)
     values["bifurcation"] = np.pad(np.array([flag for _, flag in found], dtype=np.int8), (0, beyond))
-    critical = np.isin(
-        values["bifurcation"], (FOLD, PERIOD_DOUBLING, TORUS, BRANCH_POINT)
-    )  # a multiplier has modulus 1
+    critical = np.isin(values["bifurcation"], (FOLD, PERIOD_DOUBLING, TORUS, BRANCH_POINT))  # multipliers of modulus 1
     values["steady_state"][critical], values["settling_time"][critical] = UNSTABLE, np.nan
     if not found:
         ends = f"at {curve.start:g}, at {curve.stop:g} or between"
         return values, f"steady: no periodic rub was found {ends}"
-    near = ", ".join(f"{curve.value(q):.6g}" for q in lost)
-    return values, f"steady: {len(lost)} of {points} points were not found, near {near}" if lost else ""
+    near, marked = ", ".join(f"{curve.value(q):.6g}" for q in lost), sum(place.flag != NONE for place in followed.trace)
+    told = [f"{len(lost)} of {points} points were not found, near {near}"] * bool(lost)
+    if 2 * marked > points:
+        told.append(f"{marked} bifurcations leave few of the {points} points to the arms between them; ask for more")
+    return values, "; ".join(f"steady: {each}" for each in told)
 
 
 def branch(problem: Problem, start: float, stop: float, points: int, options: Options) -> tuple[dict[str, Array], str]:
