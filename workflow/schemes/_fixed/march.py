@@ -40,6 +40,7 @@ from workflow.schemes._fixed.contact import (
 )
 from workflow.schemes._fixed.free_motion import (
     FreeStep,
+    InitialState,
     LastStep,
     ModeWork,
     State,
@@ -287,24 +288,38 @@ def step_batch(
     width = cached_lanes(read // ROW)
     batch = stepping.batch_of(watched, table, lane_rows(4 * contacts * stepping.WAITING), width)
     KERNELS[type(law)](free, law, _state(lanes, contacts, batch, account, work), batch)
+    return _ended(blocks, contact, sampling, begun, watched, table.cases, balances, ambiguous)
 
-    ended = table.cases
+
+def _ended(
+    blocks: Blocks,
+    contact: Contact,
+    sampling: Sampling,
+    begun: InitialState,
+    watched: stepping.Watch,
+    ended: Mapping[str, Array],
+    balances: Balances | None,
+    ambiguous: NDArray[np.bool_],
+) -> Ended:
+    """Return the results of a march from the rows of all cases at its end."""
     watched.contacts[:] = ended["contacts"]
     if watched.tracks is not None:
         watched.tracks[:] = ended["tracks"]
-    if modal.contacts.is_compliant:  # their forces are finite: no impact
+    if blocks.modal.contacts.is_compliant:  # their forces are finite: no impact
         watched.contact["impacts"] *= 0.0
         watched.periods[:, 6] *= 0.0
     own, acts = named_rows(Own, ended["own"]), cast(Any, named_rows(Acting, ended["acts"]))
     before, after = (ended[name] / blocks.heat_scale[:, None, None] for name in ("tau_before", "tau"))
-    ends = (before[:, 1], before[:, 0]) if step.is_central else (before[:, 0], after[:, 0])
-    closing = begun.closing + begun.closing_rate * sampling.duration + project(modal.growth, watched.reached(*ends).T)
+    ends = (before[:, 1], before[:, 0]) if blocks.step.is_central else (before[:, 0], after[:, 0])
+    closing = (
+        begun.closing + begun.closing_rate * sampling.duration + project(blocks.modal.growth, watched.reached(*ends).T)
+    )
     metrics = {"thermal_closing": closing.max(axis=1)}
     if contact.rebounds:
         metrics |= effective_restitution(acts["approached"].sum(axis=0), acts["separated"].sum(axis=0))
     end = None
     if sampling.ends:
-        unscale = 1 / np.where(scale == 0, np.inf, scale)[:, 0]
+        unscale = 1 / np.where(blocks.scale == 0, np.inf, blocks.scale)[:, None]
         motion, begin = (
             ended[name].swapaxes(0, 1) * unscale[: len(ended[name])] for name in ("motion", "motion_before")
         )
