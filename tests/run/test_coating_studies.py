@@ -143,6 +143,11 @@ def test_a_plan_tells_the_static_cut_and_compares_sectors() -> None:
     assert wide.startswith("a step of 2e-05 s passes 1.2 sectors, of which it wears the last: take h below 1.7e-05 s")
     clear = plan_study(oval(casing=CASING | {"gap": "30 um", "coating": COATING}))
     assert "coating      loads, applied statically, leave 18 µm to the casing" in clear.operators
+    turning = plan_study(
+        oval(casing=CASING | {"harmonics": [CASING["harmonics"][0] | {"order": 2.5}], "coating": COATING})
+    )
+    (line,) = (line for line in turning.operators if line.startswith("coating"))
+    assert line.endswith("press 7 µm into the casing, all around: there they cut up to 5.18 µm")
 
 
 def test_the_map_and_the_depth_over_the_angle_are_drawn(tmp_path: Path) -> None:

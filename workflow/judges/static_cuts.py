@@ -43,6 +43,8 @@ def static_cut(structure: Structure, cases: Cases) -> StaticCut | None:
         order = np.round(frequency / turning) if turning > 0 else np.nan
         if abs(frequency - order * turning) <= _WHOLE * frequency:
             inside -= amplitude * np.sin(np.radians(order * ANGLES) + phase)
+        else:  # it turns in the casing, and comes as near at each angle
+            inside += abs(amplitude)
     crushed = inside.max(axis=1) - flexibility * coating.yield_force[0]
     depth = float(np.max(crushed / (1 + flexibility * coating.hardening[0])))
     speeds = [float(np.abs(one.amplitude[0]) @ one.angular[0]) for one in (waves, moves)]
