@@ -372,12 +372,12 @@ def _shift_lines(limit: Limit, dataset: xr.Dataset) -> Iterator[str]:
     for value, other in ((limit.start, limit.stop), (limit.stop, limit.start)):
         at = (axis == value) & (dataset["bifurcation"] > 0)
         largest = shifts.where(at).max([dim for dim in shifts.dims if dim != "uncertain"]).values
-        told = [
+        moves = [
             f"± {shift:.2g} {unit_of(axis)} ({of})" for shift, of in zip(largest, changes, strict=True) if shift >= 0
         ]
-        if told:
+        if moves:
             side = "up" if value > other else "down"
-            yield f"{limit.axis.replace('_', ' ')} {side} to {value:.6g} {', '.join(told)}, to first order."
+            yield f"{limit.axis.replace('_', ' ')} {side} to {value:.6g} {', '.join(moves)}, to first order."
 
 
 _NAMED = 12
@@ -386,7 +386,7 @@ _NAMED = 12
 
 def limit_lines(found: Limits, dataset: xr.Dataset, bounds: Mapping[str, float | None]) -> list[str]:
     """Return limits as sentences, the first of single branches and combinations too, counts and remarks."""
-    is_one = all(limit.at == found.each[0].at for limit in found.each)  # arms of one branch, whose first is told
+    is_one = all(limit.at == found.each[0].at for limit in found.each)  # arms of one branch, whose first is named
     each = found.each[1:] if is_one else found.each
     more = [f"… and {len(each) - _NAMED} more, which --json lists"] if len(each) > _NAMED else []
     arms = found.each if followed_axis(dataset) else ()

@@ -93,10 +93,12 @@ def tabulate(followed: Followed, points: int, options: Options) -> tuple[dict[st
         ends = f"at {curve.start:g}, at {curve.stop:g} or between"
         return values, f"steady: no periodic rub was found {ends}"
     near, marked = ", ".join(f"{curve.value(q):.6g}" for q in lost), sum(place.flag != NONE for place in followed.trace)
-    told = [f"{len(lost)} of {points} points were not found, near {near}"] * bool(lost)
+    messages = [f"{len(lost)} of {points} points were not found, near {near}"] * bool(lost)
     if 2 * marked > points:
-        told.append(f"{marked} bifurcations leave few of the {points} points to the arms between them; ask for more")
-    return values, "; ".join(f"steady: {each}" for each in told)
+        messages.append(
+            f"{marked} bifurcations leave few of the {points} points to the arms between them; ask for more"
+        )
+    return values, "; ".join(f"steady: {each}" for each in messages)
 
 
 def branch(problem: Problem, start: float, stop: float, points: int, options: Options) -> tuple[dict[str, Array], str]:

@@ -55,7 +55,7 @@ from workflow.solve import observed_structure, projection_residual_of
 from workflow.study import MODES, CaseSettings
 
 _CONTACT_SHARE = 0.1
-"""Time of a contact, over the load's period, before a run has told it."""
+"""Time of a contact, over the load's period, before a run has measured it."""
 
 _TENTH = "a tenth of the shortest period"
 """The same in words."""

@@ -101,12 +101,12 @@ def branch_values(grid: Grid, outer: int, inner: Indices, perturbation: Perturba
         values["bifurcation_shift"] = bifurcation_shifts(followed, study.branch.points, numbers).T
     if study.boundary is not None:
         last = follow(lambda value: problem(over.path, value, high), start, stop, options, heated=heated)
-        found, told = boundaries(partial(problem, over.path), followed, last, low, high, study.boundary.points)
+        found, left = boundaries(partial(problem, over.path), followed, last, low, high, study.boundary.points)
         values |= {"boundary_kind": found.kind, "boundary_end": found.end}
         values |= {"boundary_angle": found.angle, "boundary_other": found.other}
         values |= {f"boundary_{axis.name}": found.branched, f"boundary_{over.name}": found.other_parameter}
         none = "" if found.kind.any() else "boundary: no branch has a bifurcation, at either end of the range"
-        message = "; ".join(filter(None, [message, told, none]))
+        message = "; ".join(filter(None, [message, left, none]))
     for about in variables.select(None, None, "steady", *(("steady sensors",) if sensors else ())):
         if about.is_of_sensor or (study.contacts and about.is_of_contact):  # before points
             values[about.name] = values[about.name].swapaxes(0, 1)

@@ -405,7 +405,7 @@ def _start(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]
         rows, angle = structure.input_contacts, structure.contacts.angle
     start, own = np.atleast_1d(initial.displacement)[-rows.shape[1] :], (casing.gap, casing.angles)
     if start.size not in (1, rows.shape[1]) or any(np.size(one or 0) not in (1, len(rows)) for one in own):
-        return  # told as a list of another length
+        return  # refused as a list of another length
     paths = ("scene.initial.displacement", GAP, "scene.casing.angles")
     values = _combined(cases, lambda path: path in paths or path.startswith((f"{_CASING_HARMONICS}.", *_GAPS)))
     if values is None:
@@ -436,7 +436,7 @@ def _stops(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]
     if contacts.is_massless or _is_elastic(cases):
         return
     if np.size(casing.gap) not in (1, contacts.count):
-        return  # told as a list of another length
+        return  # refused as a list of another length
     paths = [f"{_CASING_HARMONICS}.{k}.amplitude" for k in range(len(casing.harmonics))]
     values = _combined(cases, lambda path: path in paths or path.startswith(_GAPS))
     if values is None:

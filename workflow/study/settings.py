@@ -358,7 +358,7 @@ class CaseSpace:
 
     @property
     def uncertain(self) -> Mapping[str, Change]:
-        """Changes of numbers for which the shifts of bifurcations are told, by path; none without a branch."""
+        """Changes of numbers for which the shifts of bifurcations are given, by path; none without a branch."""
         return (self.output.steady and self.output.steady.uncertain) or {}
 
     @property

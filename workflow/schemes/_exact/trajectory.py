@@ -179,8 +179,8 @@ def trajectory(
         kept = count
     done = outcome.ended[0] == COMPLETED
     end = given.modal[0] if done else np.full(X.size, np.nan)
-    told = outcome.progress[0], tally[0], float(conditions.e[0]), 0.0
-    failure = "" if done else failure_text(case.operator, int(outcome.ended[0]), *told)
+    values = outcome.progress[0], tally[0], float(conditions.e[0]), 0.0
+    failure = "" if done else failure_text(case.operator, int(outcome.ended[0]), *values)
     listed = _events(events[0, : min(count, kept)], states[0], closed)
     last = tally["held"][0] != 0
     return Trajectory(begin, span, X, closed, end, last, *listed, histories[0], sensed[0], tally[0], failure)

@@ -113,20 +113,12 @@ def _of_lanes(wave: Wave, row: Array, lane: Lane) -> Pack:
 
 
 @inlined
-def load_in_step(load: Loads, lane: Lane) -> Pack:
-    """Return the load in a step, weighted by 1 - θ and θ, N."""
+def load_in_step(load: Loads, at_end: bool, lane: Lane) -> Pack:
+    """Return the load in a step, weighted by 1 - θ and θ, or that at its end, N."""
     force = pack(load.mean, lane)
     for k in range(len(load.waves)):
-        force += pack(load.waves[k].amplitude, lane) * _of_lanes(load.waves[k], load.waves[k].weighed, lane)
-    return force
-
-
-@inlined
-def load_at_end(load: Loads, lane: Lane) -> Pack:
-    """Return the load at a step's end, N."""
-    force = pack(load.mean, lane)
-    for k in range(len(load.waves)):
-        force += pack(load.waves[k].amplitude, lane) * _of_lanes(load.waves[k], load.waves[k].sine, lane)
+        wave = load.waves[k]
+        force += pack(wave.amplitude, lane) * _of_lanes(wave, wave.sine if at_end else wave.weighed, lane)
     return force
 
 

@@ -58,7 +58,6 @@ from workflow.schemes._fixed.law import CentralStep, Law, TipStep, coupling_of, 
 from workflow.schemes._fixed.loads import (
     DriveRows,
     Start,
-    load_at_end,
     load_in_step,
     turn_casing,
     turn_waves,
@@ -87,7 +86,7 @@ With more rows narrow packs were faster on the processor where it was measured; 
 @inlined
 def _step(step: FreeStep, law: Law, now: Now, state: State, block: CaseBlock, lane: Lane) -> None:
     """Do a step of a pack of lanes: free motion with the load, contact, counts."""
-    load = step.contact.h * load_in_step(block.load, lane)
+    load = step.contact.h * load_in_step(block.load, False, lane)
     spent = step_freely(step, step.rows, now.warmed, now.t, state, load, lane)
     _touch(step, law, now, state, block, load, lane)
     balance.count_step(state.account, dense_of(state.account), step, state, spent, load, now.last, lane)
@@ -98,7 +97,7 @@ def _touch(step: FreeStep, law: Law, now: Now, state: State, block: CaseBlock, l
     """Complete a step by contact: its laws where some contact may act, what the contacts show, and their work."""
     contact, own, acts = step.contact, state.own, state.acts
     engaged, count = was_pressed(own, lane), count_of(state.coupling, acts)
-    ends = load_at_end(block.load, lane) if contact.compliant else load
+    ends = load_in_step(block.load, True, lane) if contact.compliant else load
     met = Meeting(own, acts, block.drive, ends, now.first)
     for c in range(count):
         engaged |= approach(contact, met, c, lane)
