@@ -92,7 +92,7 @@ def in_narrow(coefficient: Array, rows: Array) -> tuple[bool, bool]:
 
 @numba.njit(error_model="numpy")
 def in_broad(coefficient: Array, rows: Array) -> tuple[bool, bool]:
-    return _compute(coefficient, rows, broad(PACK))
+    return _compute(coefficient, rows, broad(PACK, None))
 
 
 @pytest.mark.parametrize(("compute", "width"), [(in_narrow, PACK), (in_broad, BROAD)])

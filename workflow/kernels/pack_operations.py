@@ -13,11 +13,12 @@ from __future__ import annotations
 import inspect
 import operator
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 from llvmlite import ir
-from numba import types
+from numba import config, types
 from numba.core import cgutils
+from numba.core.codegen import get_host_cpu_features
 from numba.core.datamodel.models import PrimitiveModel
 from numba.core.typing.templates import AbstractTemplate, infer, infer_global, make_intrinsic_template, signature
 from numba.extending import lower_builtin, register_model
@@ -28,9 +29,11 @@ from workflow.kernels.lanes import PACK
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-BROAD = 2 * PACK
-"""Lanes of the largest packs: two registers where a register holds eight numbers. Four gain 3 % of a step, but with the
-sums of balances they spill, which costs a fifth."""
+_chosen = cast(Any, config).CPU_FEATURES
+_FEATURES = get_host_cpu_features() if _chosen is None else _chosen
+
+BROAD = 4 * PACK if "+avx512f" in _FEATURES.split(",") else 2 * PACK
+"""Lanes of the largest packs: four registers; more would spill."""
 
 
 _FLAG = ir.IntType(64)
@@ -158,11 +161,10 @@ def _implements(operation: Callable[..., Any], returned: Callable[..., types.Typ
     return add
 
 
-for _declared, _width in ((packs.narrow, PACK), (packs.broad, BROAD)):
-
-    @_implements(_declared, lambda first, width=_width: _LaneType(width))
-    def _lane(context, builder, sig, args):
-        return context.cast(builder, args[0], sig.args[0], types.intp)
+@_implements(packs.narrow, lambda first: _LaneType(PACK))
+@_implements(packs.broad, lambda first, beside: _LaneType(BROAD if beside is types.none else BROAD // 2))
+def _lane(context, builder, sig, args):
+    return context.cast(builder, args[0], sig.args[0], types.intp)
 
 
 def _address(context, builder, kinds, args, content=None):
@@ -251,11 +253,6 @@ def _magnitude(context, builder, sig, args):
 @_implements(packs.fused, lambda factor, other, number: number)
 def _fused(context, builder, sig, args):
     return _call(builder, f"llvm.fma.v{sig.return_type.width}f64", sig.return_type.content, args)
-
-
-@_implements(packs.broadest, lambda: types.intp)
-def _broadest(context, builder, sig, args):
-    return ir.Constant(cgutils.intp_t, BROAD)
 
 
 @_implements(packs.view, lambda row, at, shape: types.Array(row.dtype, len(shape), "C"))

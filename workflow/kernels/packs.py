@@ -1,4 +1,4 @@
-"""Packs: the numbers of 8 or 16 adjacent lanes, on which a kernel computes at once.
+"""Packs: the numbers of 8, 16 or 32 adjacent lanes, on which a kernel computes at once.
 
 The compiler vectorises a plain loop over eight lanes where it can prove that no two rows overlap, and
 compares addresses before each loop where it cannot; sums over modes it stores and reloads every few
@@ -66,21 +66,13 @@ def narrow(first: int) -> Lane:
     _only_in_kernels()
 
 
-def broad(first: int) -> Lane:
-    """Return the lane of a pack of :func:`broadest` lanes."""
+def broad(first: int, beside: object) -> Lane:
+    """Return the lane of a pack of four registers, or of two where sums ``beside`` it are not ``None``: more spill."""
     _only_in_kernels()
 
 
 def lanes_of(lane: Lane) -> tuple[int, int]:
     """Return the first lane of a pack and the one after its last."""
-    _only_in_kernels()
-
-
-def broadest() -> int:
-    """Return the number of lanes of the largest packs on this processor, a constant of the compiled kernel.
-
-    That is two registers where a register holds eight numbers: more would spill.
-    """
     _only_in_kernels()
 
 

@@ -70,12 +70,10 @@ from workflow.kernels.lanes import ROW, lane_rows, named_rows, rows_in
 from workflow.kernels.packs import (
     Lane,
     Pack,
-    flag,
     fused,
     lanes_of,
     magnitude,
     pack,
-    raised,
     shared,
     some,
     spread,
@@ -91,11 +89,11 @@ from workflow.schemes._fixed.free_motion import (
     FreeStep,
     InitialState,
     ModeWork,
+    Moved,
     Spent,
     State,
     contact_heat,
     drives,
-    move,
 )
 from workflow.schemes._fixed.law import TipStep
 from workflow.schemes._fixed.rows import Totals
@@ -197,13 +195,21 @@ def _add_to(row: Array, numbers: Pack, lane: Lane) -> None:
 
 @inlined
 def count_work(
-    account: Account | None, step: TipStep, end: End, load: Pack, state: State, c: int, engaged: bool, lane: Lane
-) -> None:
-    """Add the friction heat of a step at contact ``c``, and the work of load and contact there, to the sums."""
+    account: Account | None,
+    step: TipStep,
+    end: End,
+    load: Pack,
+    moved: Moved,
+    state: State,
+    c: int,
+    engaged: bool,
+    lane: Lane,
+) -> Pack:
+    """Add the friction heat of a step at contact ``c`` to the sums; return what load and contact there took, J."""
     if account is None:
-        return
+        return load
     sums, act = account.sums, state.acts[c]
-    before, after = pack(act.relative, lane), end.driven - pack(act.thermal_velocity, lane)
+    before, after = pack(act.relative, lane), end.driven - moved.thermal_velocity
     if engaged:
         for j in range(count_of(state.coupling, state.acts)):
             heat = pack(state.own.alpha, lane) * pack(state.acts[j].impulse, lane)
@@ -214,7 +220,7 @@ def count_work(
     impulse = account.load_share * load - end.acting
     working = fused(spread(account.energy_lever / step.h, lane), after - before, before)
     store(sums.energy_bound, lane, fused(impulse, working, pack(sums.energy_bound, lane)))
-    _add_to(sums.dissipated, fused(impulse, -0.5 * (after + before), contact_gain(step, end, act, lane)), lane)
+    return fused(impulse, -0.5 * (after + before), contact_gain(step, end, act, lane))
 
 
 @inlined
@@ -225,10 +231,12 @@ def count_step(
     state: State,
     spent: Spent,
     load: Pack,
+    taken: Pack,
+    waits: bool,
     last: bool,
     lane: Lane,
 ) -> None:
-    """Add what damping and inputs took from the modes in a step, and the heat lost, to the sums.
+    """Add what load and contact have ``taken`` in a step, what damping and inputs took, and the heat lost, to the sums.
 
     The energy at the step's end is computed where it may be the largest.
     """
@@ -243,19 +251,22 @@ def count_step(
             given = fused(pack(sums.square, lane), p, spent.by_impulse)
             damped = fused(fused(pack(state.own.alpha, lane), spent.by_heat, given), p, damped)
             loss = fused(spread(account.loss_of_heat, lane), heat, loss)
-        _add_to(sums.dissipated, damped, lane)
     else:
-        loss = _count_modes(dense, account, step, state, load, lane)
-    loss = (account.h * account.heat_theta if last else account.h) * (loss + pack(sums.settled_loss, lane))
-    _add_to(sums.lost, loss, lane)
-    _add_to(sums.turned_over, magnitude(loss), lane)
+        damped, loss = _count_modes(dense, account, step, state, load, lane)
+    _add_to(sums.dissipated, taken + damped, lane)
+    if state.tau.shape[0] > 0:
+        loss = (account.h * account.heat_theta if last else account.h) * (loss + pack(sums.settled_loss, lane))
+        _add_to(sums.lost, loss, lane)
+        _add_to(sums.turned_over, magnitude(loss), lane)
     if last or dense is not None or some(pack(sums.energy_bound, lane) > pack(sums.largest_energy, lane)):
-        _measure(dense, account, step, state, lane)
+        _measure(dense, account, step, state, waits, lane)
 
 
 @inlined
-def _count_modes(dense: Dense, account: Account, step: FreeStep, state: State, load: Pack, lane: Lane) -> Pack:
-    """Add what damping and inputs took from modes by matrices; return the heat lost at the step's end, W."""
+def _count_modes(
+    dense: Dense, account: Account, step: FreeStep, state: State, load: Pack, lane: Lane
+) -> tuple[Pack, Pack]:
+    """Return what damping and inputs took from modes by matrices, J, and the heat lost at the step's end, W."""
     sums, modes, loss = account.sums, dense.velocity_before.shape[0], spread(0.0, lane)
     _fill_dense(dense, account, step, state, load, lane)
     dissipated = pack(sums.square, lane)
@@ -267,34 +278,32 @@ def _count_modes(dense: Dense, account: Account, step: FreeStep, state: State, l
         dissipated = fused(pack(dense.inputs, (modes + j, lane)), between, dissipated)
         dissipated = fused(shared(account.modes, (j, DAMPING), lane) * twice, twice, dissipated)
         store(dense.velocity_before, (j, lane), v)
-    _add_to(sums.dissipated, dissipated, lane)
     for k in range(state.tau.shape[0]):
         loss = fused(shared(dense.losses, (k,), lane), pack(state.tau, (k, 0, lane)), loss)
-    return loss
+    return dissipated, loss
 
 
 @inlined
-def _modal(dense: Dense | None, motion: Array, j: int, lane: Lane) -> tuple[Pack, Pack]:
-    """Return v and ξ of mode j at the step's end."""
+def _modal(dense: Dense | None, state: State, p: Pack, j: int, lane: Lane) -> tuple[Pack, Pack]:
+    """Return v and ξ of mode j at the step's end, with an impulse p of one contact that it has not received yet."""
     if dense is None:
-        return pack(motion, (j, SPEED, lane)), pack(motion, (j, PLACE, lane))
+        v, xi = pack(state.motion, (j, SPEED, lane)), pack(state.motion, (j, PLACE, lane))
+        by_speed, by_place = pack(state.drives, (0, j, SPEED, lane)), pack(state.drives, (0, j, PLACE, lane))
+        return fused(by_speed, p, v), fused(by_place, p, xi)
     return pack(dense.modal_states, (j, lane)), pack(dense.modal_states, (dense.velocity_before.shape[0] + j, lane))
 
 
 @part
-def _measure(dense: Dense | None, account: Account, step: FreeStep, state: State, lane: Lane) -> None:
+def _measure(dense: Dense | None, account: Account, step: FreeStep, state: State, waits: bool, lane: Lane) -> None:
     """Compute the energy at a step's end, and update the largest one; a NaN stays.
-
-    An impulse that waits enters the states before.
 
     Out of line: so seldom that the step is faster without it.
     """
-    sums, energy = account.sums, spread(0.0, lane)
-    if raised(state.own.waits, lane):
-        move(step, state, 0, lane)
-        flag(state.own.waits, lane, False)
+    sums, energy, waiting = account.sums, spread(0.0, lane), spread(0.0, lane)
+    if waits and was_pressed(state.own, lane):
+        waiting = pack(state.acts[0].impulse, lane)
     for j in range(account.modes.shape[0]):
-        v, xi = _modal(dense, state.motion, j, lane)
+        v, xi = _modal(dense, state, waiting, j, lane)
         eta = xi + account.energy_lever * v
         energy = fused(shared(account.modes, (j, KINETIC), lane) * v, v, energy)
         energy = fused(shared(account.modes, (j, ELASTIC), lane) * eta, eta, energy)

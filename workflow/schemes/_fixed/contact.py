@@ -109,14 +109,6 @@ class End(NamedTuple):
 
 
 @inlined
-def _is_near(place: Pack, reach: Pack, moved: Pack, casing: Pack) -> bool:
-    """Tell whether some contact of a pack may act."""
-    reach = where(reach > 0.0, reach, 0.0)
-    reach = where(moved > reach, moved, reach)
-    return some(~(place + reach < casing))  # a NaN is near
-
-
-@inlined
 def respond_in(
     law: Law, step: TipStep, own: Own, acts: Sequence[Acting], coupling: Coupling | None, t: float, lane: Lane
 ) -> None:
@@ -165,16 +157,36 @@ def _weighed(theta: float, after: Pack, before: Pack) -> Pack:
 
 
 @inlined
-def approach(step: TipStep, met: Meeting, c: int, lane: Lane) -> bool:
-    """Tell whether contact ``c`` may act in some lane; where it is compliant, store its place without impulses."""
+def approach(step: TipStep, met: Meeting, c: int, free: Pack, lane: Lane) -> bool:
+    """Tell whether contact ``c``, ``free`` the velocity at its end, may act in some lane.
+
+    Where it is compliant, store its place without impulses.
+    """
     act = met.acts[c]
     place, speed = pack(act.place, lane), pack(act.speed, lane)
     if step.compliant:
         place += shared(step.residual_load, (c,), lane) * met.load - pack(act.expansion, lane)
         place += step.carried * _pressed_by(step, met, c, lane)  # by the force of the beginning: none at the end
         store(act.place_free, lane, place)
-    moved = step.h * _weighed(step.theta, pack(act.speed_free, lane), speed)
-    return _is_near(place, step.h * speed, moved, pack(act.casing, lane))
+    reach = _way(step, speed, free)
+    return some(~(place + where(reach > 0.0, reach, 0.0) < pack(act.casing, lane)))  # a NaN is near
+
+
+@by_type
+def _way(step: TipStep, speed: Pack, free: Pack) -> Pack:
+    """Return the way of a contact within a step, at its initial velocity or without contact."""
+    raise NotImplementedError
+
+
+@defines(_way, TipStep)
+def _way_by_theta(step: TipStep, speed: Pack, free: Pack) -> Pack:
+    at_once, moved = step.h * speed, step.h * _weighed(step.theta, free, speed)
+    return where(moved > at_once, moved, at_once)
+
+
+@defines(_way, CentralStep)
+def _way_centrally(step: TipStep, speed: Pack, free: Pack) -> Pack:
+    return step.h * free
 
 
 @inlined
@@ -188,15 +200,18 @@ def _pressed_by(step: TipStep, met: Meeting, i: int, lane: Lane) -> Pack:
 
 
 @by_type
-def leave(step: TipStep, met: Meeting, c: int, engaged: bool, lane: Lane) -> End:
-    """Complete a step of contact ``c``, by the impulses of all where some contact is ``engaged``."""
+def leave(step: TipStep, met: Meeting, c: int, free: Pack, engaged: bool, lane: Lane) -> End:
+    """Complete a step of contact ``c``, by the impulses of all where some contact is ``engaged``.
+
+    ``free`` is its velocity at the end without them.
+    """
     raise NotImplementedError
 
 
 @defines(leave, TipStep)
-def _leave_by_theta(step: TipStep, met: Meeting, c: int, engaged: bool, lane: Lane) -> End:
+def _leave_by_theta(step: TipStep, met: Meeting, c: int, free: Pack, engaged: bool, lane: Lane) -> End:
     act, casing = met.acts[c], pack(met.acts[c].casing, lane)
-    p, speed = spread(0.0, lane), pack(act.speed_free, lane)
+    p, speed = spread(0.0, lane), free
     if engaged:
         p, speed = pack(act.impulse, lane), pack(act.speed_end, lane)
     place = pack(act.place, lane) + step.h * _weighed(step.theta, speed, pack(act.speed, lane))
@@ -228,13 +243,13 @@ def _depth_of_residual(step: TipStep, met: Meeting, c: int, place: Pack, p: Pack
 
 
 @defines(leave, CentralStep)
-def _leave_centrally(step: TipStep, met: Meeting, c: int, engaged: bool, lane: Lane) -> End:
+def _leave_centrally(step: TipStep, met: Meeting, c: int, free: Pack, engaged: bool, lane: Lane) -> End:
     """Return the contact at t_k and the impulse centred on it, and complete the step from t_k with p_k.
 
     p_0 spans half a step, that of a spring a whole: it counts as the impulse of a whole one.
     """
     act, casing = met.acts[c], pack(met.acts[c].casing, lane)
-    place, p, about, speed = pack(act.place, lane), spread(0.0, lane), spread(0.0, lane), pack(act.speed_free, lane)
+    place, p, about, speed = pack(act.place, lane), spread(0.0, lane), spread(0.0, lane), free
     if engaged:
         p, speed = pack(act.impulse, lane), pack(act.speed_end, lane)
         about = 0.5 * (pack(act.impulse_before, lane) + p)

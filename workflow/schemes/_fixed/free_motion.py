@@ -13,13 +13,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.kernels.compiled import inlined, part
+from workflow.kernels.compiled import by_type, defines, inlined, part
 from workflow.kernels.lanes import ROW
-from workflow.kernels.packs import Lane, Pack, flag, fused, pack, raised, shared, some, spread, store
+from workflow.kernels.packs import Lane, Pack, fused, pack, raised, shared, some, spread, store
 from workflow.models import Array, Cases, EndState, project
 from workflow.schemes._fixed.blocks import Blocks
 from workflow.schemes._fixed.contact import Contact, count_of
-from workflow.schemes._fixed.law import Coupling, TipStep
+from workflow.schemes._fixed.law import CentralStep, Coupling, TipStep
 from workflow.schemes._fixed.loads import Drive
 from workflow.schemes._fixed.rows import Acting, Own
 
@@ -175,9 +175,8 @@ def _spend(work: ModeWork | None, j: int, twice_v: Pack, twice_eta: Pack, spent:
     if work is None:
         return spent
     damped = fused(shared(work.damping, (j,), lane) * twice_v, twice_v, spent.damped)
-    by_impulse, by_heat = fused(pack(work.impulse, (j, lane)), twice_v, spent.by_impulse), spent.by_heat
-    if work.loss.shape[0] > 0:
-        by_heat = fused(shared(work.heat, (j,), lane), twice_eta, by_heat)
+    by_impulse = fused(pack(work.impulse, (j, lane)), twice_v, spent.by_impulse)
+    by_heat = fused(shared(work.heat, (j,), lane), twice_eta, spent.by_heat)
     return Spent(damped, by_impulse, by_heat, spent.heat)
 
 
@@ -191,13 +190,13 @@ def _lose(work: ModeWork | None, k: int, tau: Pack, spent: Spent, lane: Lane) ->
 
 @inlined
 def step_freely(
-    step: FreeStep, rows: ContactRows | None, warmed: bool, t: float, state: State, load: Pack, lane: Lane
-) -> Spent:
-    """Step all modes to t without impulses of contact, but for one that waits since the last step (:func:`strike`).
+    step: FreeStep, rows: ContactRows | None, waited: bool, warmed: bool, t: float, state: State, load: Pack, lane: Lane
+) -> tuple[Spent, Moved]:
+    """Step all modes to t without impulses of contact, but for one that has ``waited`` since the last (:func:`strike`).
 
     ``rows`` are those of the step, so that the compiler sees whether they are ``None``.
     """
-    if rows is None and raised(state.own.waits, lane):
+    if rows is None and waited and raised(state.own.pressed, lane):
         p = pack(state.acts[0].impulse, lane)
         heat = pack(state.own.alpha, lane) * p
         return _step_freely(step, rows, step.observed, state.work, p, heat, warmed, t, state, load, lane)
@@ -217,8 +216,8 @@ def _step_freely(
     state: State,
     load: Pack,
     lane: Lane,
-) -> Spent:
-    """Step all modes to t without impulses of contact; store velocities and temperatures of contacts there.
+) -> tuple[Spent, Moved]:
+    """Step all modes to t without impulses of contact; return how they move a contact without rows there, store others.
 
     ``warmed`` is the result of :func:`is_warmed`.
     """
@@ -232,7 +231,8 @@ def _step_freely(
         spent = _lose(work, k, after, spent, lane)
         if rows is None:
             velocity += shared(step.heat_modes, (k, HEAT_SPEED), lane) * after
-            temperature += after if observed is None else shared(observed, (k,), lane) * after
+            shown = _recorded(step.contact, before, after)
+            temperature += shown if observed is None else shared(observed, (k,), lane) * shown
     thermal_velocity = velocity
     for j in range(motion.shape[0]):
         u = _plus(pack(motion, (j, SPEED, lane)), pack(state.drives, (0, j, SPEED, lane)), impulse)
@@ -250,12 +250,22 @@ def _step_freely(
             velocity += after
     if step.pair_block.size + step.drifting.size != 0:
         velocity += _add_slow(step, state, lane)
+    moved = Moved(velocity, thermal_velocity, temperature)
     if rows is None:
-        by = Moved(velocity, thermal_velocity, temperature)
-        _keep_contact(state.drive, state.account, state.acts[0], warmed, t, by, lane)
-    else:
-        _move_contacts(rows, warmed, t, state, lane)
-    return spent
+        return spent, _of_contact(state.drive, state.acts[0], warmed, t, moved, lane)
+    _move_contacts(rows, warmed, t, state, lane)
+    return spent, moved
+
+
+@by_type
+def _recorded(contact: TipStep, before: Pack, after: Pack) -> Pack:
+    """Return τ of the temperature at the end of a step, from that before and after the step."""
+    return after
+
+
+@defines(_recorded, CentralStep)
+def _recorded_centrally(contact: TipStep, before: Pack, after: Pack) -> Pack:
+    return before
 
 
 @inlined
@@ -279,7 +289,7 @@ def _add_slow(step: FreeStep, state: State, lane: Lane) -> Pack:
 
 
 class Moved(NamedTuple):
-    """How the modes move and warm a contact: its velocity, the thermal part of that, its temperature."""
+    """How a contact moves without impulses: its velocity, the thermal part of that, its temperature."""
 
     velocity: Pack
     thermal_velocity: Pack
@@ -287,19 +297,32 @@ class Moved(NamedTuple):
 
 
 @inlined
-def _keep_contact(
-    drive: Drive | None, account: Any, act: Acting, warmed: bool, t: float, by: Moved, lane: Lane
-) -> None:
-    """Store how a contact moves without impulses, with its known part by constant loads."""
+def _of_contact(drive: Drive | None, act: Acting, warmed: bool, t: float, by: Moved, lane: Lane) -> Moved:
+    """Return how a contact moves relative to its origin, with its known part by constant loads."""
     velocity, thermal_velocity, temperature = by
     if warmed:
         drift = pack(act.drift, lane)
         velocity, thermal_velocity = velocity + drift, thermal_velocity + drift
         temperature += pack(act.warmth, lane) + pack(act.warming, lane) * t
-    store(act.speed_free, lane, velocity if drive is None else velocity - pack(act.origin_speed, lane))
+    velocity = velocity if drive is None else velocity - pack(act.origin_speed, lane)
+    return Moved(velocity, thermal_velocity, temperature)
+
+
+@inlined
+def keep_moved(account: Any, act: Acting, moved: Moved, lane: Lane) -> None:
+    """Store how a contact moves."""
+    store(act.speed_free, lane, moved.velocity)
     if account is not None:
-        store(act.thermal_velocity, lane, thermal_velocity)
-    store(act.temperature, lane, temperature)
+        store(act.thermal_velocity, lane, moved.thermal_velocity)
+    store(act.temperature, lane, moved.temperature)
+
+
+@inlined
+def moved_of(rows: ContactRows | None, act: Acting, moved: Moved, lane: Lane) -> Moved:
+    """Return how a contact moves: ``moved`` of one without rows, which stays in registers, else what is stored."""
+    if rows is None:
+        return moved
+    return Moved(pack(act.speed_free, lane), pack(act.thermal_velocity, lane), pack(act.temperature, lane))
 
 
 Four = tuple[Pack, Pack, Pack, Pack]
@@ -337,13 +360,13 @@ def _move_contacts(rows: ContactRows, warmed: bool, t: float, state: State, lane
         warm = _add_four(rows.heat_speed, tau, 0, c, zeros, lane)
         moved = _add_four(rows.place, motion, PLACE, c, _add_four(rows.speed, motion, SPEED, c, warm, lane), lane)
         for i in range(4):
-            by = Moved(moved[i], warm[i], heat[i])
-            _keep_contact(state.drive, state.account, acts[c + i], warmed, t, by, lane)
+            by = _of_contact(state.drive, acts[c + i], warmed, t, Moved(moved[i], warm[i], heat[i]), lane)
+            keep_moved(state.account, acts[c + i], by, lane)
     for c in range(fours, len(acts)):
         one = _add_one(rows.heat_speed, tau, 0, c, zero, lane)
         speed = _add_one(rows.place, motion, PLACE, c, _add_one(rows.speed, motion, SPEED, c, one, lane), lane)
         by = Moved(speed, one, _add_one(rows.temperature, tau, 0, c, zero, lane))
-        _keep_contact(state.drive, state.account, acts[c], warmed, t, by, lane)
+        keep_moved(state.account, acts[c], _of_contact(state.drive, acts[c], warmed, t, by, lane), lane)
     if rows.expansion.shape[0] > 0:
         for c in range(len(acts)):
             grown = pack(acts[c].grown, lane) + pack(acts[c].growing, lane) * t
@@ -377,12 +400,10 @@ def strike(step: FreeStep, state: State, waits: bool, lane: Lane) -> None:
     Where nothing reads the states before the next step (``waits``) that step adds them as it reads them itself.
     """
     acts, own, contact, count = state.acts, state.own, step.contact, count_of(state.coupling, state.acts)
-    flag(own.waits, lane, False)
     for j in range(count):
         p = pack(acts[j].impulse, lane)
-        if some(~(p <= 0.0)):  # a NaN too
+        if waits or some(~(p <= 0.0)):  # a NaN too
             heat = pack(own.alpha, lane) * p
-            flag(own.waits, lane, waits)
             if not waits:
                 move(step, state, j, lane)
             for c in range(count if state.tau.shape[0] > 0 else 0):
@@ -520,15 +541,16 @@ def free_step(blocks: Blocks, contact: Contact, drifting: NDArray[np.int64], sen
     h, (speed, place), (j, k) = step.tip.h, blocks.contacts.swapaxes(0, 1), blocks.pairs.T
     load, load_place = blocks.of_impulses(modal.load[:, None])[..., 0]
     pull, decay = blocks.thermal_load[:, j, k] / scale[k], np.where(step.decay == 0, NO_DECAY, step.decay)
-    recorded, rows = modal.recorded / (scale * decay if step.is_central else scale), None
+    recorded, rows = modal.recorded / scale, None
     if not modal.is_single:
-        columns = speed, place, blocks.heat_velocity / scale, recorded, modal.residual_coupling / scale
+        after = recorded / decay if step.is_central else recorded
+        columns = speed, place, blocks.heat_velocity / scale, after, modal.residual_coupling / scale
         rows = ContactRows._make([*(np.ascontiguousarray(each.T) for each in columns), load_place])
         if blocks.outward is None:
             rows = rows._replace(place=rows.place[:0])
         if not modal.contacts.is_compliant:
             rows = rows._replace(expansion=rows.expansion[:0])
-    is_sum = not step.is_central and np.array_equal(modal.recorded, modal.heat)
+    is_sum = np.array_equal(modal.recorded, modal.heat)
     return FreeStep(
         blocks=np.stack([1 - h * blocks.damping, -h * blocks.stiffness, load * blocks.scale], axis=1),
         rows=rows,

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from workflow.kernels.compiled import by_type, defines, inlined, kernel
 from workflow.kernels.lanes import PACK, ROW, cached_lanes, lane_rows, lane_table, named_rows, rows_in, several_rows
-from workflow.kernels.packs import Lane, Pack, broad, broadest, narrow
+from workflow.kernels.packs import Lane, Pack, broad, lanes_of, narrow, pack, spread
 from workflow.models import Array, Cases, Structure, project
 from workflow.schemes._fixed import balance, stepping
 from workflow.schemes._fixed.balance import Account, Balances, dense_of
@@ -43,13 +43,16 @@ from workflow.schemes._fixed.free_motion import (
     InitialState,
     LastStep,
     ModeWork,
+    Moved,
     State,
     drives,
     end_state,
     free_step,
     is_warmed,
     keep_before,
+    keep_moved,
     lay_out,
+    moved_of,
     start,
     step_freely,
     strike,
@@ -87,29 +90,42 @@ With more rows narrow packs were faster on the processor where it was measured; 
 def _step(step: FreeStep, law: Law, now: Now, state: State, block: CaseBlock, lane: Lane) -> None:
     """Do a step of a pack of lanes: free motion with the load, contact, counts."""
     load = step.contact.h * load_in_step(block.load, False, lane)
-    spent = step_freely(step, step.rows, now.warmed, now.t, state, load, lane)
-    _touch(step, law, now, state, block, load, lane)
-    balance.count_step(state.account, dense_of(state.account), step, state, spent, load, now.last, lane)
+    spent, moved = step_freely(step, step.rows, now.waited, now.warmed, now.t, state, load, lane)
+    taken = _touch(step, law, now, state, block, load, moved, lane)
+    balance.count_step(
+        state.account, dense_of(state.account), step, state, spent, load, taken, now.waits, now.last, lane
+    )
 
 
 @inlined
-def _touch(step: FreeStep, law: Law, now: Now, state: State, block: CaseBlock, load: Pack, lane: Lane) -> None:
-    """Complete a step by contact: its laws where some contact may act, what the contacts show, and their work."""
+def _touch(
+    step: FreeStep, law: Law, now: Now, state: State, block: CaseBlock, load: Pack, moved: Moved, lane: Lane
+) -> Pack:
+    """Complete a step by contact: its laws where some contact may act, and what the contacts show; return their work.
+
+    ``moved`` is how one contact without rows moves.
+    """
     contact, own, acts = step.contact, state.own, state.acts
     engaged, count = was_pressed(own, lane), count_of(state.coupling, acts)
     ends = load_in_step(block.load, True, lane) if contact.compliant else load
     met = Meeting(own, acts, block.drive, ends, now.first)
     for c in range(count):
-        engaged |= approach(contact, met, c, lane)
+        engaged |= approach(contact, met, c, moved_of(step.rows, acts[c], moved, lane).velocity, lane)
     if engaged:
+        if step.rows is None:
+            keep_moved(state.account, acts[0], moved, lane)
         enter_sectors(block.tracks, block.worn, contact, now.t, acts, lane)
         respond_in(law, contact, own, acts, state.coupling, now.t, lane)
         strike(step, state, now.waits, lane)
+    taken = spread(0.0, lane)
     for c in range(count):
-        end = leave(contact, met, c, engaged, lane)
-        balance.count_work(state.account, contact, end, load, state, c, engaged, lane)
-        stepping.show(now, contact.h, end, engaged, acts[c], block.contacts[c], lane)
+        by = moved_of(step.rows, acts[c], moved, lane)
+        temperature = pack(acts[c].temperature, lane) if engaged else by.temperature
+        end = leave(contact, met, c, by.velocity, engaged, lane)
+        taken += balance.count_work(state.account, contact, end, load, by, state, c, engaged, lane)
+        stepping.show(now, contact.h, end, temperature, engaged, acts[c], block.contacts[c], lane)
         wear(block.tracks, block.worn, contact, now.t, c, acts[c], end.depth, engaged, lane)
+    return taken
 
 
 @by_type
@@ -132,7 +148,8 @@ def march(step: FreeStep, law: Law, state: State, block: CaseBlock) -> None:
     load, lanes, h, theta = block.load, block.lanes, block.h, step.contact.theta
     lay_out(step, state)
     balance.lay_out_account(state.account, dense_of(state.account))
-    in_broad = lanes // broadest() * broadest() if 2 * len(state.motion) + len(state.tau) <= FEW_ROWS else 0
+    _, width = lanes_of(broad(0, state.account))
+    wide = lanes // width if 2 * len(state.motion) + len(state.tau) <= FEW_ROWS else 0
     paired, warmed, senses = step.pair_block.size > 0, is_warmed(state.acts, lanes), step.sensors.shape[0] > 0
     waits = step.rows is None and dense_of(state.account) is None and not paired and not senses
     stepping.keep_idle_off(state.acts, block.cases, lanes)
@@ -141,13 +158,13 @@ def march(step: FreeStep, law: Law, state: State, block: CaseBlock) -> None:
         turn_casing(block.drive, k, h, theta, state.acts, lanes)
         if k < _begins(step.contact):
             continue
-        now = stepping.step_at(k, warmed, waits and k < block.steps - 2, block)
+        now = stepping.step_at(k, warmed, waits and k < block.steps - 2, waits and k < block.steps - 1, block)
         shows = now.marked or now.next_marked
         if paired or k >= block.steps - 1 or (senses and shows):
             keep_before(state, lanes)
-        for first in range(0, in_broad, broadest()):
-            _step(step, law, now, state, block, broad(first))
-        for first in range(in_broad, lanes, PACK):
+        for w in range(wide):
+            _step(step, law, now, state, block, broad(w * width, state.account))
+        for first in range(wide * width, lanes, PACK):
             _step(step, law, now, state, block, narrow(first))
         fill_map(block.tracks, block.worn, now.t)
         if k == 0:

@@ -43,8 +43,6 @@ class Own(Rows):
     """α, W/N, and µ, 1."""
     pressed: Array
     """A flag of each pack, raised where some lane was in contact in the last step or the one before."""
-    waits: Array
-    """A flag of each pack, raised where the modes have not received the impulse of one contact yet."""
     unsolved: Array
     """Time of the step in which the laws of several contacts had no solution, s; 0 for none."""
 

@@ -209,27 +209,30 @@ class Now(NamedTuple):
     first: bool
     """Whether it is that of central differences at t = 0."""
     waits: bool
-    """Whether nothing reads the states of the modes at its end but the next step."""
+    waited: bool
+    """Whether the impulse of one contact enters the states in the next step, as nothing reads them before, and whether
+    that of the last step enters in this one."""
     warmed: bool
     """Whether heating or the temperature of the surroundings moves a contact of some lane."""
 
 
 @inlined
-def step_at(step: int, warmed: bool, waits: bool, block: CaseBlock) -> Now:
+def step_at(step: int, warmed: bool, waits: bool, waited: bool, block: CaseBlock) -> Now:
     """Return a step."""
     mark = block.marks.next_mark[block.first, 0]
     marked = step == mark or step == 0
-    return Now(step * block.h, step == block.steps, marked, step + 1 == mark, step == 0, waits, warmed)
+    return Now(step * block.h, step == block.steps, marked, step + 1 == mark, step == 0, waits, waited, warmed)
 
 
 @inlined
-def show(now: Now, h: float, end: End, engaged: bool, act: Acting, own: ContactRecord, lane: Lane) -> None:
+def show(
+    now: Now, h: float, end: End, temperature: Pack, engaged: bool, act: Acting, own: ContactRecord, lane: Lane
+) -> None:
     """Count what a contact shows at a step's end, or store it for :func:`count_marked`; begin the next step from it."""
-    store(act.place, lane, end.place)
-    store(act.speed, lane, end.speed)
-    temperature = pack(act.temperature, lane)
     if now.marked or now.next_marked:
         store_end(end, temperature, own, lane)
+    store(act.place, lane, end.place)
+    store(act.speed, lane, end.speed)
     if now.marked:
         return
     count_end(end.depth, temperature, end.impulse, engaged, h, own, lane)
@@ -256,8 +259,8 @@ def count_end(
     hottest = pack(own.period_hottest, lane)
     if some(temperature > hottest):
         store(own.period_hottest, lane, where(temperature > hottest, temperature, hottest))
-    if some(depth > 0.0):
-        deepest = pack(own.penetration, lane)
+    deepest = pack(own.penetration, lane)
+    if some(depth > deepest):
         store(own.penetration, lane, where(depth > deepest, depth, deepest))
     if engaged:
         touches, touched = where(p > 0.0, 1.0, 0.0), pack(own.touching, lane)
