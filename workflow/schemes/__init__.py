@@ -34,7 +34,7 @@ from workflow.schemes._interface import (
 )
 from workflow.variables import Variable, of_scheme
 
-SOLVER_VERSION = 18
+SOLVER_VERSION = 19
 """Version of the physics, one more with each change of results: archives do not mix versions."""
 
 

@@ -239,9 +239,9 @@ def _step_freely(
         eta = _plus(pack(motion, (j, PLACE, lane)), pack(state.drives, (0, j, PLACE, lane)), impulse)
         after = shared(step.blocks, (j, DECAY), lane) * u + shared(step.blocks, (j, SPRING), lane) * eta
         after += shared(step.blocks, (j, LOAD), lane) * load
-        moved = eta + step.contact.h * u
-        spent = _spend(work, j, u + after, eta + moved, spent, lane)
-        eta = moved
+        reached = eta + step.contact.h * u
+        spent = _spend(work, j, u + after, eta + reached, spent, lane)
+        eta = reached
         if rows is not None:
             eta += shared(rows.load_place, (j,), lane) * load
         store(motion, (j, SPEED, lane), after)
