@@ -32,8 +32,8 @@ F = TypeVar("F", bound=Callable[..., Any])
 _chosen = cast(Any, config).CPU_FEATURES
 _FEATURES = get_host_cpu_features() if _chosen is None else _chosen
 
-BROAD = 4 * PACK if "+avx512f" in _FEATURES.split(",") else 2 * PACK
-"""Lanes of the largest packs: four registers; more would spill."""
+BROAD = 4 * PACK if "+avx512f" in _FEATURES.split(",") else PACK
+"""Lanes of the largest packs: four of 32 registers of eight numbers, or two of 16 of four: more would spill."""
 
 
 _FLAG = ir.IntType(64)
@@ -162,7 +162,7 @@ def _implements(operation: Callable[..., Any], returned: Callable[..., types.Typ
 
 
 @_implements(packs.narrow, lambda first: _LaneType(PACK))
-@_implements(packs.broad, lambda first, beside: _LaneType(BROAD if beside is types.none else BROAD // 2))
+@_implements(packs.broad, lambda first, beside: _LaneType(BROAD if beside is types.none else min(BROAD, 2 * PACK)))
 def _lane(context, builder, sig, args):
     return context.cast(builder, args[0], sig.args[0], types.intp)
 

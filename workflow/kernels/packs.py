@@ -67,7 +67,7 @@ def narrow(first: int) -> Lane:
 
 
 def broad(first: int, beside: object) -> Lane:
-    """Return the lane of a pack of four registers, or of two where sums ``beside`` it are not ``None``: more spill."""
+    """Return the lane of a pack of as many registers as do not spill, fewer where there are sums ``beside`` it."""
     _only_in_kernels()
 
 

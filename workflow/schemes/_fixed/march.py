@@ -149,7 +149,7 @@ def march(step: FreeStep, law: Law, state: State, block: CaseBlock) -> None:
     lay_out(step, state)
     balance.lay_out_account(state.account, dense_of(state.account))
     _, width = lanes_of(broad(0, state.account))
-    wide = lanes // width if 2 * len(state.motion) + len(state.tau) <= FEW_ROWS else 0
+    wide = lanes // width if width > PACK and 2 * len(state.motion) + len(state.tau) <= FEW_ROWS else 0
     paired, warmed, senses = step.pair_block.size > 0, is_warmed(state.acts, lanes), step.sensors.shape[0] > 0
     waits = step.rows is None and dense_of(state.account) is None and not paired and not senses
     stepping.keep_idle_off(state.acts, block.cases, lanes)
