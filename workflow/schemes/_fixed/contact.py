@@ -151,12 +151,6 @@ def _absolute(drive: Drive | None, row: Array, numbers: Pack, lane: Lane) -> Pac
 
 
 @inlined
-def _weighed(theta: float, after: Pack, before: Pack) -> Pack:
-    """Return θ ``after`` + (1-θ) ``before``: ``after`` alone where θ is 1."""
-    return after if theta == 1.0 else theta * after + (1.0 - theta) * before
-
-
-@inlined
 def approach(step: TipStep, met: Meeting, c: int, free: Pack, lane: Lane) -> bool:
     """Tell whether contact ``c``, ``free`` the velocity at its end, may act in some lane.
 
@@ -168,25 +162,20 @@ def approach(step: TipStep, met: Meeting, c: int, free: Pack, lane: Lane) -> boo
         place += shared(step.residual_load, (c,), lane) * met.load - pack(act.expansion, lane)
         place += step.carried * _pressed_by(step, met, c, lane)  # by the force of the beginning: none at the end
         store(act.place_free, lane, place)
-    reach = _way(step, speed, free)
-    return some(~(place + where(reach > 0.0, reach, 0.0) < pack(act.casing, lane)))  # a NaN is near
+    fastest = _fastest(step, speed, free)
+    reach = step.h * where(fastest > 0.0, fastest, 0.0)
+    return some(~(place + reach < pack(act.casing, lane)))  # a NaN is near
 
 
 @by_type
-def _way(step: TipStep, speed: Pack, free: Pack) -> Pack:
-    """Return the way of a contact within a step, at its initial velocity or without contact."""
-    raise NotImplementedError
+def _fastest(step: TipStep, speed: Pack, free: Pack) -> Pack:
+    """Return the velocity that a contact does not exceed in a step without impulses."""
+    return where(free > speed, free, speed)
 
 
-@defines(_way, TipStep)
-def _way_by_theta(step: TipStep, speed: Pack, free: Pack) -> Pack:
-    at_once, moved = step.h * speed, step.h * _weighed(step.theta, free, speed)
-    return where(moved > at_once, moved, at_once)
-
-
-@defines(_way, CentralStep)
-def _way_centrally(step: TipStep, speed: Pack, free: Pack) -> Pack:
-    return step.h * free
+@defines(_fastest, CentralStep)
+def _fastest_centrally(step: TipStep, speed: Pack, free: Pack) -> Pack:
+    return free
 
 
 @inlined
@@ -214,7 +203,8 @@ def _leave_by_theta(step: TipStep, met: Meeting, c: int, free: Pack, engaged: bo
     p, speed = spread(0.0, lane), free
     if engaged:
         p, speed = pack(act.impulse, lane), pack(act.speed_end, lane)
-    place = pack(act.place, lane) + step.h * _weighed(step.theta, speed, pack(act.speed, lane))
+    moved = step.h * step.theta * speed + step.h * (1.0 - step.theta) * pack(act.speed, lane)
+    place = pack(act.place, lane) + moved
     if step.holds and not step.compliant:
         place = where(p > 0.0, casing, place)
     shown, depth = place, place - casing

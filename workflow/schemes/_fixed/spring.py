@@ -58,9 +58,10 @@ def _respond(law: Spring, tip: Tip, h: float, theta: float) -> Response:
     if depth <= 0.0 or force <= 0.0:
         return begun, speed, 0.0
     gives = lever * (lever * tip.mobility + tip.sinking)
-    force /= 1.0 + law.stiffness * gives + lever * tip.mobility * law.damping
-    if force * gives > depth:
-        force = depth / gives
+    over = 1.0 + law.stiffness * gives + lever * tip.mobility * law.damping
+    if force * gives > depth * over:
+        force, over = depth, gives
+    force /= over
     return begun + lever * force, speed - tip.mobility * (lever * force), force
 
 
