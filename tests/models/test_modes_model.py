@@ -93,6 +93,7 @@ def test_a_head_may_have_units(tmp_path: Path) -> None:
         ("{table: [[1000, 0.01, 0]]}", "`tip` has an impossible value"),
         ("{table: [[-1, 0.01, 1]]}", "`frequency` has an impossible value"),
         ("{table: [[1000, 0.01]]}", "is no row of the table"),
+        ("{table: [{frequency: 1, damping_ration: 0, tip: 1}]}", "ration: `damping_ration` is not known here; did you"),
         ("{table: [{frequency: 1000, damping_ratio: 0.01}]}", "is no row of the table"),
         ("{table: [[1000, 0.01, one]]}", "`one` is not"),
         ("{table: []}", "has 0 rows"),

@@ -28,6 +28,8 @@ CHANGED = [
     (9, "density: 4430", "density: 4430 K", "scene.blade.density", "in kg/m**3", "1 kg/m**3"),
     (15, "{mass: 10.0, stiffness: 2.0e-7}", "{mas: 10.0}", "scene.blade.damping.mas", "not known", "`mass`"),
     (15, "{mass: 10.0, stiffness: 2.0e-7}", "10", "scene.blade.damping", "is not a mapping", "key: value"),
+    (16, "{gap: 20 um}", "{gap: 20 um, phase:}", "scene.casing.phase:", "not known", "a space after the colon"),
+    (16, "{gap: 20 um}", "{gap: 20 um, gap:10 um}", "scene.casing.gap:10 um", "not known", "a space after the colon"),
     (16, "{gap: 20 um}", "{gap: 20 um, gap: 10 um}", "scene.casing.gap", "stands twice, first in line 16", "keep one"),
     (17, "phase: 0", "phase: 1e22", "scene.load.phase", "is out of range", "at least -1000 and at most 1000 rad"),
     (18, "temperature: 0}", "temperature: 20 degC}", "scene.initial.temperature", "has an offset", "the rise above"),

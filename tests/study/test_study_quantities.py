@@ -93,6 +93,15 @@ def test_refused(written: str, unit: str) -> None:
         read_quantity(written, Quantity(unit, ""))
 
 
+@pytest.mark.parametrize(
+    ("written", "unit", "meant"),
+    [("9000 RPM", "Hz", "rpm"), ("2 KHZ", "Hz", "kHz"), ("1 KG", "kg", "kg"), ("3 UM", "m", "um")],
+)
+def test_a_unit_in_other_letters_is_offered(written: str, unit: str, meant: str) -> None:
+    with pytest.raises(ValidationError, match=f"did you mean `{meant}`"):
+        read_quantity(written, Quantity(unit, ""))
+
+
 @given(st.text(max_size=30))
 @example("0Q0")
 def test_any_text_is_a_number_or_a_mistake(text: str) -> None:

@@ -176,6 +176,9 @@ def _row(columns: tuple[tuple[str, str], ...]) -> Kind:
         if isinstance(value, dict) and names:
             several = [f"{names[-1]}_{k + 1}" for k in range(len(value) - len(names) + 1)]
             wanted = names if set(value) == set(names) else [*names[:-1], *several]
+            unknown = next((key for key in value if key not in (*names, *several)), None)
+            if unknown is not None:
+                raise wrong(f"{quoted(unknown)} {UNKNOWN}", one_of(unknown, names), unknown)
             value = [value[column] for column in wanted] if set(value) == set(wanted) else value
         if not isinstance(value, list) or len(value) < max(1, len(names)):
             raise wrong("is no row of the table", f"write {', '.join(names) or 'numbers'}, as a list")
@@ -293,8 +296,9 @@ def record(
         for key in unknown:
             elsewhere = (moved or {}).get(key)
             problem = "does not belong here" if elsewhere else f"{quoted(key)} {UNKNOWN}"
-            comma = "write a point, not a comma, before decimals" if str(key)[:1].isdigit() else None
-            faults.append(((key,), problem, elsewhere or comma or one_of(key, entries)))
+            sign = "write a point, not a comma, before decimals" if str(key)[:1].isdigit() else None
+            sign = "write a space after the colon, and a value" if ":" in str(key) else sign
+            faults.append(((key,), problem, elsewhere or sign or one_of(key, entries)))
         try:
             given = read_known(value)
         except ValidationError as error:

@@ -188,11 +188,13 @@ def _converted(text: str, declared: Quantity, kind: str, remedy: str) -> float:
         raise wrong(f"{quoted(text)} is a string without a unit", remedy)
     if any(sign in unit for sign in _DEGREES):
         raise wrong(f"the unit {quoted(unit)} has an offset", remedy)
+    target, target_roots = parse_unit(declared.unit)
     try:
         worth, roots = parse_unit({"": "1", "%": "percent"}.get(unit, unit))
     except UnitError as problem:
-        raise wrong(str(problem), remedy) from None
-    target, target_roots = parse_unit(declared.unit)
+        known = (_OF_ENGINEERS | COMMON).items()
+        meant = [f"`{name}`" for name, (_, own) in known if name.lower() == unit.lower() and own == target_roots]
+        raise wrong(str(problem), f"did you mean {' or '.join(meant)}?" if meant else remedy) from None
     if roots != target_roots:
         raise wrong(f"{quoted(text)} is not {kind}", remedy)
     return float(_EXACT.divide(_EXACT.multiply(_EXACT.create_decimal(number[0]), worth), target))
