@@ -1,5 +1,6 @@
 """Boundaries and uncertain numbers from a study to its archive; the words of both, and what is refused."""
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from workflow import labels, plots, read_study, run_study
 from workflow.archive import open_archive
 from workflow.cases import arrange, case_hashes
 from workflow.cli import app
+from workflow.cli._studies import _lines
 from workflow.plan import plan_study
 from workflow.study import StudyError
 
@@ -153,6 +155,7 @@ def test_a_plan_says_what_is_followed() -> None:
     plan = plan_study(study(uncertain={GAP.replace("gap", "clearance"): "1 um", "e": 0.01}))
     texts = {value.path: value.text for value in plan.scene}
     assert texts["alpha"] == "8 W/N to 15 W/N, over which boundaries are followed"
+    assert "  of a branch  point 12, curve 8, curve_point 12" in [*_lines(plan)]
     assert texts["output.steady.uncertain"] == "scene.casing.clearance: 1 µm, e: 0.01"
 
 
@@ -200,6 +203,15 @@ def shaded(archive: xr.Dataset) -> list[Any]:
     """Corners of the areas that a picture of boundaries shades, ``(corner, 2)`` each."""
     [panel] = plots.boundary(archive).axes
     return [area.get_paths()[0].vertices for area in panel.collections]
+
+
+def test_the_guide_s_study_gives_what_it_says(tmp_path: Path) -> None:
+    guide = (Path(__file__).parents[2] / "studies" / "GUIDE.md").read_text(encoding="utf-8")
+    (text,) = (block for block in re.findall(r"```yaml\n(.*?)```", guide, re.DOTALL) if "boundary: [" in block)
+    archive = tmp_path / "folds.nc"
+    assert run_study(read_study(text).with_({"axes.alpha": {"boundary": [8, 33, 3]}}), archive, threads=1).ok
+    line = CliRunner().invoke(app, ["limits", str(archive)]).stdout.splitlines()[1]
+    assert f"`limits` adds `{line}`" in " ".join(guide.split())
 
 
 def test_the_picture_shades_below_the_fold(folds: Path) -> None:

@@ -153,6 +153,8 @@ def _lines(plan: Plan) -> Iterator[str]:
         origin += "   = coefficient × sliding_speed × heat_share" if value.path == "alpha" and plan.makes_alpha else ""
         yield f"  {value.path:{width}}  {value.text}{origin}"
     yield "  dimensions   " + (" × ".join(f"{name} {size}" for name, size in dims) or "none, a single case")
+    if plan.followed:
+        yield f"  of a branch  {', '.join(f'{name} {size}' for name, size in plan.followed)}"
     yield f"  cases        {plan.cases}, of which {plan.unique} are computed"
     if plan.points > 1:
         lines = f"{plan.unique // plan.points} lines × {plan.points} points"

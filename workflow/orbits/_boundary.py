@@ -427,7 +427,7 @@ def _stored(
     ]
     rows = np.full((4, MOST_CURVES, count), np.nan)
     kinds, ends = np.zeros(MOST_CURVES, dtype=np.int8), np.zeros(MOST_CURVES, dtype=np.int8)
-    stored, left = 0, 0
+    stored, left, said = 0, 0, list[str]()
     while starts:
         curve, place, q2 = starts.pop(0)
         if stored == MOST_CURVES:
@@ -445,13 +445,18 @@ def _stored(
         q = np.array(own)
         rows[:2, stored, : len(own)] = curve.start + q[:, 0] * (curve.stop - curve.start), low + q[:, 1] * (high - low)
         ends[stored], stored = end, stored + 1
+        if end == _NOT_FOLLOWED:
+            begins = "the branch has no motion with its impact" if place.flag < NONE else "its start is no motion"
+            why = "no motion is found beyond its last point" if trail else begins
+            why = f"{_MOST_STEPS} steps do not reach its end" if len(trail) == _MOST_STEPS else why
+            said.append(f"boundary {stored} is not followed: {why}")
         starts = [
             each
             for each in starts
             if not (trail and _is_end(each[1].flag, each[1].point.q, each[2], place.flag, trail[-1].U))
         ]
-    message = f"{left} more boundaries are not stored" if left else ""
-    return Boundaries(kinds, rows[0], rows[1], rows[2], rows[3], ends), message
+    said += [f"{left} more boundaries are not stored"] * bool(left)
+    return Boundaries(kinds, rows[0], rows[1], rows[2], rows[3], ends), "; ".join(said)
 
 
 def _is_end(flag: int, q1: float, q2: float, kind: int, U: Array) -> bool:

@@ -32,7 +32,16 @@ from workflow.plan._warnings import (
     looked_at,
     warnings,
 )
-from workflow.solve import asked_bytes, costs, memory_needed, model_seconds, solution_seconds, steady_bytes, tasks
+from workflow.solve import (
+    asked_bytes,
+    costs,
+    lengths,
+    memory_needed,
+    model_seconds,
+    solution_seconds,
+    steady_bytes,
+    tasks,
+)
 from workflow.study import CaseSettings, ResolvedValue, StudySource, read_study, resolved_values
 
 _STRUCTURES_SHOWN = 8
@@ -50,6 +59,8 @@ class Plan:
     """``study``, ``title``: its name and title."""
     dims: tuple[tuple[str, int], ...]
     """Names and sizes of the archive's dimensions, outermost first."""
+    followed: tuple[tuple[str, int], ...]
+    """Those of the points of each branch, and of its boundaries and theirs; none without a branch."""
     scene: tuple[ResolvedValue, ...]
     """Every value with its unit, and what was left to its default."""
     makes_alpha: bool
@@ -122,6 +133,7 @@ def _plan(grid: Grid) -> Plan:
         study=grid.study.name,
         title=grid.study.title,
         dims=grid.dims,
+        followed=tuple((name, n) for name, n in lengths(grid).items() if name in ("point", "curve", "curve_point")),
         scene=resolved_values(grid.study, grid.settings(0), alpha),
         makes_alpha=grid.study.scene.makes_alpha,
         cases=cases,
