@@ -327,6 +327,9 @@ def test_the_command_answers(tmp_path: Path) -> None:
     nothing = workflow("recommend", KEPT, "--tolerance", "1e-6", cwd=tmp_path)
     assert nothing.returncode == 1
     assert "Nothing in this study meets" in nothing.stdout
+    undecided = workflow("recommend", KEPT.with_name("work_precision.nc"), "--tolerance", "1e-14", cwd=tmp_path)
+    assert "0 decidable of 24 cases" in undecided.stdout
+    assert undecided.returncode == 1
 
 
 def test_an_answer_without_contact_or_with_cases_not_run_is_cautioned() -> None:

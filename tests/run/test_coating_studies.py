@@ -1,5 +1,6 @@
 """Studies of an abradable coating: what is refused, what an archive holds, how it grows, sweeps, and what is said."""
 
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,15 @@ def oval(axes: dict[str, Any] | None = None, **parts: Any) -> Study:
     scene = {name: value for name, value in scene.items() if value is not None}
     given = {"scheme": "moreau", "h": 2e-5, "alpha": 0.2, **(axes or {})}
     return read_study({"study": "oval", "scene": {"duration": 0.06, **scene}, "axes": given, "output": output})
+
+
+def test_the_example_shows_single_contacts(tmp_path: Path) -> None:
+    """Its samples lie several times closer than a contact lasts."""
+    text = (files("workflow") / "examples" / "coating.yaml").read_text(encoding="utf-8")
+    study = read_study(text.replace("[180, 360]", "180"), {"scene.duration": "50 ms"})
+    force = run_study(study, tmp_path / "coating.nc", threads=1).dataset["contact_force"].values
+    edges = np.flatnonzero(np.diff((force > 0).astype(int)))
+    assert np.mean(edges[1::2] - edges[::2]) > 4
 
 
 UNCOATED, RIGID = CASING, {"gap": 0.0, "coating": COATING}

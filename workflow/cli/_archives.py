@@ -153,7 +153,7 @@ def recommend(archive: ArchiveFile, tolerance: Tolerance = None, as_json: AsJson
 
     Of all that meet it and cost at most 25 % more than the cheapest of them, the most accurate is named.
 
-    Exit status: 0 answered, 1 nothing in the archive meets it, 2 the archive has no reference.
+    Exit status: 0 answered, 1 nothing in the archive meets it or no case is decidable, 2 the archive has no reference.
     """
     from workflow.analysis import (
         NoReferenceError,
@@ -187,7 +187,7 @@ def recommend(archive: ArchiveFile, tolerance: Tolerance = None, as_json: AsJson
         write_json(recommendation_entries(recommendation) | {"cautions": cautions, "table": others}, indent=2)
     else:
         _write_text(recommendation, table)
-    if recommendation.choice is None:
+    if recommendation.choice is None or len(recommendation.undecidable) == recommendation.cases:
         raise typer.Exit(NOT_OK)
 
 
