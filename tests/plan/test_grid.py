@@ -254,7 +254,7 @@ def test_a_reduction_does_not_depend_on_the_threads_of_blas() -> None:
         cell = grid.settings(0)
         cached = _operators.model_on(_operators.reduced(cell))
     with threadpool_limits(limits=1, user_api="blas"):
-        alone = reduce_structure(_operators.structure_of(cell.scene.model, cell.scene.parameters), 20, 50)
+        alone = reduce_structure(_operators.models.structure_of(cell.scene.model, cell.scene.parameters), 20, 50)
     assert _operators.model_on.cache_info().misses == 1
     for name, values in vars(alone.structure).items():
         if isinstance(values, np.ndarray):

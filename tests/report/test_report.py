@@ -227,13 +227,13 @@ def test_what_is_somebody_else_s_is_written_over_only_where_it_is_named(
 
 def test_two_sweeps_of_one_axis_are_drawn_over_each_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whatever stands first: up is the one that begins lower; sweeps of two axes are not."""
-    drawn: list[tuple[float, float]] = []
+    drawn, own = list[tuple[float, float]](), plots.sweep
 
     def sweep(up: xr.Dataset, variable: str, down: xr.Dataset, branch: xr.Dataset | None) -> Figure:
         drawn.append((float(up["frequency"][0]), float(down["frequency"][0])))
-        return plots.sweep(up, variable, down, branch)
+        return own(up, variable, down, branch)
 
-    monkeypatch.setattr(sections, "sweep", sweep)
+    monkeypatch.setattr(plots, "sweep", sweep)
     monkeypatch.chdir(tmp_path)
     axes = {
         "load.frequency": {"up": [500.0, 800.0, 3], "down": [800.0, 500.0, 3]},

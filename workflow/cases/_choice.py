@@ -22,17 +22,7 @@ import numpy as np
 from workflow.cases._conditions import conditions
 from workflow.cases._structures import full_structure, model_on, reduced
 from workflow.cases._waiting_for import TRIALS, waiting_for
-from workflow.judges.trials import (
-    Counts,
-    FullTrials,
-    LeastVectors,
-    Problem,
-    coarsest,
-    is_refined,
-    least_vectors,
-    refined_vectors,
-    richest,
-)
+from workflow.judges import trials
 from workflow.models import Array, Structure, mechanical_modes, one_thread
 from workflow.schemes import Sampling
 from workflow.study import CHOSEN, GAP, CaseSettings, Dimension
@@ -156,11 +146,11 @@ class Setting:
     shortest: float
 
     @property
-    def requested(self) -> Counts:
+    def requested(self) -> trials.Counts:
         """Counts that are given, :data:`CHOSEN` where the tolerance decides."""
         return self.settings.mechanical_modes, self.settings.thermal_modes
 
-    def with_counts(self, counts: Counts) -> Setting:
+    def with_counts(self, counts: trials.Counts) -> Setting:
         """Return the setting with other counts of modes."""
         return replace(self, settings=replace(self.settings, mechanical_modes=counts[0], thermal_modes=counts[1]))
 
@@ -169,29 +159,29 @@ class Setting:
 def choose(setting: Setting, tolerance: float) -> ChosenModes:
     """Return the counts of the smallest reduced model that meets a tolerance in all corners."""
     with one_thread(), waiting_for(TRIALS):
-        corners, trials = _full_trials(setting.with_counts((CHOSEN, CHOSEN)))
-        return _choice(least_vectors(trials, setting.requested, tolerance), corners)
+        corners, full = _full_trials(setting.with_counts((CHOSEN, CHOSEN)))
+        return _choice(trials.least_vectors(full, setting.requested, tolerance), corners)
 
 
 @lru_cache(maxsize=256)
 def refine(setting: Setting, tolerance: float) -> ChosenModes:
     """Return the counts of the basis of a reference: of a large structure those whose refinement changes little."""
     structure = full_structure(setting.settings)
-    if not is_refined(structure):
+    if not trials.is_refined(structure):
         return choose(setting, tolerance)
     with one_thread(), waiting_for(TRIALS):
-        corners, problem = _problem(setting, coarsest(structure, setting.requested))
-        return _choice(refined_vectors(problem, setting.requested, tolerance), corners)
+        corners, problem = _problem(setting, trials.coarsest(structure, setting.requested))
+        return _choice(trials.refined_vectors(problem, setting.requested, tolerance), corners)
 
 
 @lru_cache(maxsize=8)
-def _full_trials(setting: Setting) -> tuple[list[Corner], FullTrials]:
+def _full_trials(setting: Setting) -> tuple[list[Corner], trials.FullTrials]:
     """Return the corners of a setting and the trials in them, which all tolerances share."""
-    corners, problem = _problem(setting, richest(full_structure(setting.settings)))
-    return corners, FullTrials(problem)
+    corners, problem = _problem(setting, trials.richest(full_structure(setting.settings)))
+    return corners, trials.FullTrials(problem)
 
 
-def _problem(setting: Setting, counts: Counts) -> tuple[list[Corner], Problem]:
+def _problem(setting: Setting, counts: trials.Counts) -> tuple[list[Corner], trials.Problem]:
     """Return the corners of a setting, as they are ranked with so many vectors, and their cases."""
     settings = setting.settings
     structure = full_structure(settings)
@@ -200,10 +190,10 @@ def _problem(setting: Setting, counts: Counts) -> tuple[list[Corner], Problem]:
     varying = {path: values[:, k] for k, (path, _) in enumerate(corners[0])}
     cases = conditions(settings, structure, varying, len(corners))
     is_static = settings.scene.initial == "static"
-    return corners, Problem(structure, cases, is_static, settings.reduction, setting.sampling, setting.shortest)
+    return corners, trials.Problem(structure, cases, is_static, settings.reduction, setting.sampling, setting.shortest)
 
 
-def _choice(least: LeastVectors, corners: list[Corner]) -> ChosenModes:
+def _choice(least: trials.LeastVectors, corners: list[Corner]) -> ChosenModes:
     lost = [f"{corner_text(corners[k])} ({why})" for k, why in least.untried.items()]
     named = "; ".join(lost[:_CORNERS_NAMED]) + (
         f"; and {len(lost) - _CORNERS_NAMED} more" if len(lost) > _CORNERS_NAMED else ""

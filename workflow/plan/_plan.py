@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workflow import schemes
+from workflow import schemes, solve
 from workflow.cases import (
     Grid,
     arrange,
@@ -31,16 +31,6 @@ from workflow.plan._warnings import (
     ends_of_friction,
     looked_at,
     warnings,
-)
-from workflow.solve import (
-    asked_bytes,
-    costs,
-    lengths,
-    memory_needed,
-    model_seconds,
-    solution_seconds,
-    steady_bytes,
-    tasks,
 )
 from workflow.study import CaseSettings, ResolvedValue, StudySource, read_study, resolved_values
 
@@ -125,7 +115,7 @@ def _plan(grid: Grid) -> Plan:
     structures = grid.kinds(lambda path: path.startswith(f"scene.{model}."))
     shown = [grid.settings(outer) for outer in structures[:_STRUCTURES_SHOWN]]
     threads = len(os.sched_getaffinity(0))
-    batches = [len(task.batches) for task in tasks(grid, threads=threads)]
+    batches = [len(task.batches) for task in solve.tasks(grid, threads=threads)]
     cases = grid.outer_count * grid.inner_count
     references, exact = solution_counts(grid)
     alpha = tuple(np.unique(made_by_friction(grid)[1]).tolist()) if grid.study.scene.makes_alpha else ()
@@ -133,7 +123,9 @@ def _plan(grid: Grid) -> Plan:
         study=grid.study.name,
         title=grid.study.title,
         dims=grid.dims,
-        followed=tuple((name, n) for name, n in lengths(grid).items() if name in ("point", "curve", "curve_point")),
+        followed=tuple(
+            (name, n) for name, n in solve.lengths(grid).items() if name in ("point", "curve", "curve_point")
+        ),
         scene=resolved_values(grid.study, grid.settings(0), alpha),
         makes_alpha=grid.study.scene.makes_alpha,
         cases=cases,
@@ -144,9 +136,11 @@ def _plan(grid: Grid) -> Plan:
         batches=sum(batches),
         tasks=len(batches),
         steps=steps,
-        time=order_of_time(costs(grid).preparing + (model_seconds(grid) + _reference_seconds(grid)) / threads),
+        time=order_of_time(
+            solve.costs(grid).preparing + (solve.model_seconds(grid) + _reference_seconds(grid)) / threads
+        ),
         bytes=_result_bytes(grid),
-        memory=memory_needed(grid, threads),
+        memory=solve.memory_needed(grid, threads),
         stored=tuple(grid.study.output.sampled),
         structures=tuple(figures(settings, *ends_of_friction(grid, settings)) for settings in shown),
         more_structures=len(structures) - len(shown),
@@ -170,7 +164,7 @@ def _reference_seconds(grid: Grid) -> float:
     """Return model seconds of reference solutions, and of exact solutions beside them, of many by a regular choice."""
     every = list(distinct_solutions(grid))
     some = every[:: 1 + len(every) // MOST_OUTER]
-    seconds = sum(count * solution_seconds(grid, settings, is_exact) for settings, is_exact, count in some)
+    seconds = sum(count * solve.solution_seconds(grid, settings, is_exact) for settings, is_exact, count in some)
     return seconds * len(every) / max(len(some), 1)
 
 
@@ -180,8 +174,8 @@ def _result_bytes(grid: Grid) -> int:
     histories = [name for name in grid.study.output.sampled if name != "sensor_value"]
     sampled = stored * len(histories) * grid.sampling.count
     each = 8 * (4 * grid.longest_period_count + 22) + sampled
-    each = each * math.prod(grid.study.contact_shape) + steady_bytes(grid)
-    each += asked_bytes(grid, stored if "sensor_value" in grid.study.output.sampled else 0)
+    each = each * math.prod(grid.study.contact_shape) + solve.steady_bytes(grid)
+    each += solve.asked_bytes(grid, stored if "sensor_value" in grid.study.output.sampled else 0)
     return grid.outer_count * grid.inner_count * each
 
 

@@ -30,21 +30,7 @@ from workflow.cases import (
     reduced_structure,
     reference_settings,
 )
-from workflow.judges.cautions import (
-    FEW,
-    FreeModes,
-    SchemeStep,
-    StepCaution,
-    coarse_heat,
-    endless_bounces,
-    flutter,
-    flutter_of_basis,
-    free_modes,
-    listed,
-    scene_cautions,
-    soft_spring,
-    step_cautions,
-)
+from workflow.judges import cautions
 from workflow.judges.trials import EXACT, reason_of
 from workflow.kernels import Array
 from workflow.models import Cases, Chain, Structure, frequencies, one_thread, project
@@ -137,7 +123,7 @@ def cautions_of_scene(grid: Grid) -> Iterator[str]:
         scheme, structure = schemes.load(settings.scheme.method), reduced_structure(settings)
         if scheme.contact_stiffness_of is not None and not scheme.refusal(structure, settings.scheme.options):
             stiffness = scheme.contact_stiffness_of(structure, settings.scheme.options)
-            yield from soft_spring(full_structure(settings), stiffness, settings.scheme.label)
+            yield from cautions.soft_spring(full_structure(settings), stiffness, settings.scheme.label)
     yield from _units([one.scene.parameters for one in _distinct_settings(grid, parameters)])
     yield from _units_of_scene(grid)
     for settings in _distinct_settings(grid, parameters):
@@ -145,19 +131,19 @@ def cautions_of_scene(grid: Grid) -> Iterator[str]:
         is_static, cases = settings.scene.initial == "static", _cases(grid, settings)
         if not isinstance(structure, Chain) or structure.has_matrices:  # of others the modes are not at hand
             model = model_on(reduced(settings))
-            yield from scene_cautions(structure, model, cases, duration, is_static=is_static)
-            yield from flutter(model.structure, cases)
+            yield from cautions.scene_cautions(structure, model, cases, duration, is_static=is_static)
+            yield from cautions.flutter(model.structure, cases)
             if is_exact:
-                yield from endless_bounces(model.structure, cases)
+                yield from cautions.endless_bounces(model.structure, cases)
     worst: dict[str, tuple[float, float]] = {}
     for settings in _distinct_settings(grid, "reduction", "mechanical_modes", "thermal_modes", parameters):
         basis, cases, full = basis_text(settings), _cases(grid, settings), full_structure(settings)
         model = model_on(reduced(settings))
         if model.reduction is not None:
             friction = float(cases.friction.max())
-            yield from flutter_of_basis(model.structure, friction, basis, *_model_to_compare(settings))
+            yield from cautions.flutter_of_basis(model.structure, friction, basis, *_model_to_compare(settings))
             if grid.fastest > 0 and cases.alpha.max() > 0 and grid.study.scene.model != "blade":
-                yield from coarse_heat(full, model.structure, _CONTACT_SHARE / grid.fastest, _TENTH, basis)
+                yield from cautions.coarse_heat(full, model.structure, _CONTACT_SHARE / grid.fastest, _TENTH, basis)
         if model.reduction is not None:
             lost = float(np.nanmax(projection_residual_of(settings, cases), initial=0.0))
             worst[basis] = max(worst.get(basis, (0.0, 0.0)), (lost, _lost_at_contacts(full, model.reduction, cases)))
@@ -340,8 +326,8 @@ def warnings(grid: Grid) -> tuple[str, ...]:
         if not any(grid.matters(one)(axis.path) for one in choices for axis in dimension.axes)
     )
     every = [grid.settings(outer) for outer in looked_at(_of_some_structures(grid))]
-    cautions = [caution for settings in every for caution in _cautions(grid, settings)]
-    steps = _sentences(cautions, len(set(map(basis_text, every))))
+    of_steps = [caution for settings in every for caution in _cautions(grid, settings)]
+    steps = _sentences(of_steps, len(set(map(basis_text, every))))
     lacks_exact = grid.study.output.steady is not None and all(choice.method != EXACT for choice in choices)
     steady = (f"no scheme of this study is {EXACT}, and only that one has steady rubs",) if lacks_exact else ()
     samples = (*_coarse_sections(grid), *fast_samples(grid))
@@ -409,8 +395,8 @@ def looked_at(outer: list[int]) -> list[int]:
 
 
 @lru_cache(maxsize=64)
-def _free_modes(by: Reduced) -> FreeModes:
-    return free_modes(model_on(by).structure)
+def _free_modes(by: Reduced) -> cautions.FreeModes:
+    return cautions.free_modes(model_on(by).structure)
 
 
 class _Caution(NamedTuple):
@@ -419,7 +405,7 @@ class _Caution(NamedTuple):
     basis: str
     scheme: str
     h: float
-    said: StepCaution
+    said: cautions.StepCaution
 
 
 def _cautions(grid: Grid, settings: CaseSettings) -> Iterator[_Caution]:
@@ -429,11 +415,11 @@ def _cautions(grid: Grid, settings: CaseSettings) -> Iterator[_Caution]:
     refusal = scheme.refusal(structure, options)
     if refusal is None:
         modes, ends = _free_modes(reduced(settings)), ends_of_friction(grid, settings)[0]
-        step = SchemeStep(scheme, options, settings.h, structure, modes, ends, grid.fastest)
-        said = list(step_cautions(step))
+        step = cautions.SchemeStep(scheme, options, settings.h, structure, modes, ends, grid.fastest)
+        said = list(cautions.step_cautions(step))
     else:
         basis = f" with {settings.reduction}" if structure.contacts.is_massless else ""
-        said = [StepCaution(f"fails{basis}, as {refusal}", "", 0.0)]
+        said = [cautions.StepCaution(f"fails{basis}, as {refusal}", "", 0.0)]
     yield from (_Caution(basis_text(settings), settings.scheme.label, settings.h, one) for one in said)
 
 
@@ -445,14 +431,14 @@ def ends_of_friction(grid: Grid, settings: CaseSettings) -> tuple[tuple[float, f
     return mu, alpha
 
 
-def _sentences(cautions: list[_Caution], bases: int) -> tuple[str, ...]:
+def _sentences(every: list[_Caution], bases: int) -> tuple[str, ...]:
     """Return one sentence per scheme and kind, with the largest amount at each step.
 
     What holds for some of the study's ``bases`` only is said with the one, or the worst, of them.
     """
     concerned: dict[tuple[str, str, float], set[str]] = {}
     worst: dict[tuple[str, str], dict[float, _Caution]] = {}
-    for caution in cautions:
+    for caution in every:
         kind = caution.said.what.split(" (")[0]  # the same first mode differs by a hair between reductions
         at = worst.setdefault((caution.scheme, kind), {})
         concerned.setdefault((caution.scheme, kind, caution.h), set()).add(caution.basis)
@@ -466,7 +452,7 @@ def _sentences(cautions: list[_Caution], bases: int) -> tuple[str, ...]:
 
     def sentence(kind: tuple[str, str], at: dict[float, _Caution]) -> str:
         amounts = [amount(kind, caution) for _, caution in sorted(at.items()) if caution.said.amount]
-        more = f" ({len(amounts)} steps)" if len(amounts) > FEW else ""
-        return f"{kind[0]} {max(at.values(), key=lambda one: one.said.size).said.what} {listed(amounts)}{more}"
+        more = f" ({len(amounts)} steps)" if len(amounts) > cautions.FEW else ""
+        return f"{kind[0]} {max(at.values(), key=lambda one: one.said.size).said.what} {cautions.listed(amounts)}{more}"
 
     return tuple(sentence(kind, at).rstrip() for kind, at in worst.items())

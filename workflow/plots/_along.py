@@ -9,24 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.analysis import (
-    boundary_axes,
-    case_dims,
-    contact_text,
-    drawn_dim,
-    effect,
-    finest,
-    followed_axis,
-    labels,
-    labels_of,
-    limits,
-    most_loaded,
-    place_text,
-    require_numbers,
-    sobol,
-    swept_axis,
-    unit_of,
-)
+from workflow import analysis
 from workflow.plots._style import COLOURS, GREY, head, legend_below, new_figure, trim
 from workflow.plots._units import axis_of, in_units, scaled
 from workflow.study import POINT
@@ -52,10 +35,10 @@ def metric_by_axis(archive: xr.Dataset, metric: str) -> Figure:
 
     Of several contacts the most loaded one is shown.
     """
-    archive = most_loaded(archive)
-    place = finest(archive)
+    archive = analysis.most_loaded(archive)
+    place = analysis.finest(archive)
     varied = [dim for dim in place if archive.sizes[dim] > 1]
-    strongest = sorted(varied, key=lambda dim: -np.nan_to_num(effect(archive, metric, dim)))[:MOST_PANELS]
+    strongest = sorted(varied, key=lambda dim: -np.nan_to_num(analysis.effect(archive, metric, dim)))[:MOST_PANELS]
     axes = {dim: axis_of(archive, dim) for dim in varied if dim in strongest}
     width = min(3.0, 11.4 / max(len(axes), 1))
     upright = {dim: len(axis["texts"]) * _room(axis["texts"]) > _FREE * width for dim, axis in axes.items()}
@@ -76,9 +59,9 @@ def metric_by_axis(archive: xr.Dataset, metric: str) -> Figure:
         title = axis["title"] + (f" [{axis['unit']}]" if axis["unit"] else "")
         panel.set_xlabel(fill(title, int(width / _LETTER)), fontsize=9)
         trim(panel)
-    panels[0].set_ylabel(f"{metric.replace('_', ' ')} [{unit_of(archive[metric]) or 1}]")
+    panels[0].set_ylabel(f"{metric.replace('_', ' ')} [{analysis.unit_of(archive[metric]) or 1}]")
     legend_below(figure, panels[0].get_legend_handles_labels(), 2)
-    head(figure, contact_text(archive))
+    head(figure, analysis.contact_text(archive))
     return figure
 
 
@@ -107,11 +90,11 @@ def bifurcation(dataset: xr.Dataset, along: str, variable: str = "section_displa
     ValueError
         There is no such dimension with numbers, or no such variable of load periods.
     """
-    require_numbers(dataset, along)
+    analysis.require_numbers(dataset, along)
     if variable not in dataset or "period" not in dataset[variable].dims:
         raise ValueError(f"`{variable}` is not given per load period; write `output: {{sections: true}}` in the study")
-    dataset = most_loaded(dataset)
-    place = {dim: k for dim, k in finest(dataset).items() if dim != along}
+    dataset = analysis.most_loaded(dataset)
+    place = {dim: k for dim, k in analysis.finest(dataset).items() if dim != along}
     cut = dataset.isel(place).where(dataset["status"].isel(place) == 0).transpose(along, "period", ...)
     values = np.asarray(cut[variable].values, dtype=float)
     complete = np.isfinite(values).sum(axis=1, keepdims=True)
@@ -122,7 +105,7 @@ def bifurcation(dataset: xr.Dataset, along: str, variable: str = "section_displa
     panel.plot(np.repeat(x, values.shape[1]), y.ravel(), ".", color=COLOURS[0], ms=2)
     panel.set(xlabel=x_label, ylabel=y_label)
     trim(panel)
-    head(figure, contact_text(dataset))
+    head(figure, analysis.contact_text(dataset))
     return figure
 
 
@@ -138,18 +121,20 @@ def branches(dataset: xr.Dataset, variable: str = "steady_max_temperature") -> F
     ValueError
         The archive has no branches, or no such variable along them.
     """
-    along = followed_axis(dataset)
+    along = analysis.followed_axis(dataset)
     if along is None or variable not in dataset or dataset[variable].dims != dataset[along].dims:
         raise ValueError(f"there are no branches of `{variable}`; write an axis as `{{branch: [from, to, points]}}`")
     (x, x_label), (y, y_label) = (in_units(dataset[name]) for name in (along, variable))
-    flags = labels(dataset["bifurcation"]).values
-    stable = (labels(dataset["steady_state"]).values != "unstable") | (flags != "none")  # lines reach their end
-    dims = [dim for dim in case_dims(dataset) if dataset.sizes[dim] > 1]
-    texts = {dim: labels_of(dataset, dim, rounded=True) for dim in dims}
+    flags = analysis.labels(dataset["bifurcation"]).values
+    stable = (analysis.labels(dataset["steady_state"]).values != "unstable") | (
+        flags != "none"
+    )  # lines reach their end
+    dims = [dim for dim in analysis.case_dims(dataset) if dataset.sizes[dim] > 1]
+    texts = {dim: analysis.labels_of(dataset, dim, rounded=True) for dim in dims}
     figure = new_figure(7.0, 4.2)
     panel = figure.subplots()
     for k, place in enumerate(np.ndindex(dataset["status"].shape)):
-        where = dict(zip(case_dims(dataset), place, strict=True))
+        where = dict(zip(analysis.case_dims(dataset), place, strict=True))
         colour, label = COLOURS[k % len(COLOURS)], ", ".join(texts[dim][where[dim]] for dim in dims)
         panel.plot(x[place], y[place], "--", color=colour, lw=1.2)
         panel.plot(x[place], np.where(stable[place], y[place], np.nan), color=colour, lw=1.8, label=label)
@@ -182,15 +167,15 @@ def boundary(dataset: xr.Dataset) -> Figure:
     ValueError
         The archive has no boundaries.
     """
-    names = boundary_axes(dataset)
+    names = analysis.boundary_axes(dataset)
     if names is None:
         raise ValueError("there are no boundaries; write an axis as `{boundary: [from, to, points]}` beside a branch")
-    place = finest(dataset)
+    place = analysis.finest(dataset)
     case = dataset.isel(place)
     axes = (case[name.removeprefix("boundary_")] for name in names)
     drawn = (case[name].rename(axis.name).assign_attrs(axis.attrs) for name, axis in zip(names, axes, strict=True))
     (y, y_label), (x, x_label) = map(in_units, drawn)
-    kinds, stable = labels(case["boundary_kind"]).values, ~(case["boundary_other"].values >= 1)
+    kinds, stable = analysis.labels(case["boundary_kind"]).values, ~(case["boundary_other"].values >= 1)
     figure = new_figure(6.0, 4.2)
     panel: Any = figure.subplots()
     for k, kind in enumerate(dict.fromkeys(kinds[kinds != "none"].tolist())):
@@ -204,7 +189,7 @@ def boundary(dataset: xr.Dataset) -> Figure:
         panel.fill_between(*ends, color=GREY, alpha=0.25, lw=0)
     panel.set(xlabel=x_label, ylabel=y_label)
     legend_below(figure, panel.get_legend_handles_labels(), 4)
-    head(figure, fill(place_text(dataset, place), 60))
+    head(figure, fill(analysis.place_text(dataset, place), 60))
     trim(panel)
     return figure
 
@@ -218,10 +203,10 @@ def _settling(case: xr.Dataset, names: tuple[str, str]) -> Iterator[tuple[Array,
     end = float(across.flat[np.nanargmax(np.abs(across - begin))])
     way, near = np.sign(end - begin), 1e-6 * np.array([abs(end - begin), np.nanmax(np.abs(up))])
     begins = np.nanmin(np.abs(across - begin), axis=1, initial=np.inf) <= near[0]
-    new = ~begins & (labels(case["boundary_kind"]).values != "fold")  # behind a fold another arm settles
+    new = ~begins & (analysis.labels(case["boundary_kind"]).values != "fold")  # behind a fold another arm settles
     beside = across[new]
     sides = [(x[::turn], y[::turn]) for x, y in zip(across, up, strict=True) for turn in (1, -1)]
-    for arm in limits(case).each:
+    for arm in analysis.limits(case).each:
         edges = []
         for value, word in ((arm.start, arm.begun_by), (arm.stop, arm.limited_by)):
             ends = [(x, y) for x, y in sides if np.all(np.abs([x[0] - begin, y[0] - (value or 0.0)]) <= near)]
@@ -271,10 +256,10 @@ def sweep(up: xr.Dataset, variable: str, down: xr.Dataset | None = None, branch:
     ValueError
         An archive has no sweep or no branch of that axis, or no such variable.
     """
-    along = swept_axis(up)
+    along = analysis.swept_axis(up)
     if along is None:
         raise ValueError("there is no sweep; write an axis as `{sweep: [from, to, count]}`")
-    if variable not in up or set(up[variable].dims) - {*case_dims(up), "contact", "period"}:
+    if variable not in up or set(up[variable].dims) - {*analysis.case_dims(up), "contact", "period"}:
         remedy = "; select one with `.sel(sensor=…)`" if variable in up and "sensor" in up[variable].dims else ""
         raise ValueError(f"`{variable}` is no number of a case or of its load periods{remedy}")
     drawn = [_swept(dataset, along, variable) for dataset in (up, down) if dataset is not None]
@@ -283,11 +268,11 @@ def sweep(up: xr.Dataset, variable: str, down: xr.Dataset | None = None, branch:
     panel = figure.subplots()
     if branch is not None:
         name = _steady_name(branch, variable)
-        if followed_axis(branch) != along:
+        if analysis.followed_axis(branch) != along:
             raise ValueError(f"there is no branch along `{along}`")
-        at = {dim: k for dim, k in finest(branch).items() if dim in branch["status"].dims}
+        at = {dim: k for dim, k in analysis.finest(branch).items() if dim in branch["status"].dims}
         x, y = in_units(branch[along].isel(at))[0], np.asarray(branch[name].isel(at).values) * factor
-        stable = labels(branch["steady_state"]).isel(at).values != "unstable"
+        stable = analysis.labels(branch["steady_state"]).isel(at).values != "unstable"
         for shown, form, width, what in ((stable, "-", 4.0, "stable"), (~stable, "--", 1.6, "unstable")):
             if shown.any():
                 label = f"branch, {what}"
@@ -305,17 +290,19 @@ def sweep(up: xr.Dataset, variable: str, down: xr.Dataset | None = None, branch:
     panel.set(xlabel=in_units(up[along])[1], ylabel=fill(f"{name} [{unit or 1}]", 44))
     trim(panel)
     legend_below(figure, panel.get_legend_handles_labels(), 2)
-    shown = place_text(up, {dim: k for dim, k in finest(most_loaded(up)).items() if dim != along})
+    shown = analysis.place_text(
+        up, {dim: k for dim, k in analysis.finest(analysis.most_loaded(up)).items() if dim != along}
+    )
     head(figure, fill(", ".join(filter(None, (f"{name}, {which}", shown))), 70))
     return figure
 
 
 def _swept(dataset: xr.Dataset, along: str, variable: str) -> tuple[Any, Any]:
     """Return the points of a sweep and a variable at them, ``(point, value)``: of load periods the last ones."""
-    if swept_axis(dataset) != along or variable not in dataset:
+    if analysis.swept_axis(dataset) != along or variable not in dataset:
         raise ValueError(f"there is no sweep of `{variable}` along `{along}`")
-    dataset = most_loaded(dataset)
-    at = {dim: k for dim, k in finest(dataset).items() if dim != along}
+    dataset = analysis.most_loaded(dataset)
+    at = {dim: k for dim, k in analysis.finest(dataset).items() if dim != along}
     values = np.asarray(dataset[variable].where(dataset["status"] == 0).isel(at).transpose(along, ...).values)
     if values.ndim == 1:
         return in_units(dataset[along])[0], values[:, None]
@@ -350,10 +337,10 @@ def sobol_indices(dataset: xr.Dataset, *metrics: str) -> Figure:
     ValueError
         Nothing is drawn for Sobol' indices, or there is no such metric.
     """
-    dataset = most_loaded(dataset)
+    dataset = analysis.most_loaded(dataset)
     metrics = metrics or ("contact_impulse", "max_temperature")
-    place = {dim: k for dim, k in finest(dataset).items() if dim != drawn_dim(dataset)}
-    indices = {metric: sobol(dataset.isel(place), metric) for metric in metrics}
+    place = {dim: k for dim, k in analysis.finest(dataset).items() if dim != analysis.drawn_dim(dataset)}
+    indices = {metric: analysis.sobol(dataset.isel(place), metric) for metric in metrics}
     figure = new_figure(3.4 * len(metrics) + 0.6, 3.6)
     panels: Any = np.atleast_1d(figure.subplots(1, len(metrics), sharey=True))
     for panel, (metric, index) in zip(panels, indices.items(), strict=True):
@@ -373,5 +360,5 @@ def sobol_indices(dataset: xr.Dataset, *metrics: str) -> Figure:
         trim(panel, "y")
     panels[0].set_ylabel("share of the variance")
     legend_below(figure, panels[0].get_legend_handles_labels(), 2)
-    head(figure, contact_text(dataset))
+    head(figure, analysis.contact_text(dataset))
     return figure

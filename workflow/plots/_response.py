@@ -7,18 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from workflow.analysis import (
-    case_dims,
-    casing_motion,
-    contact_phases,
-    gap_of,
-    labels_of,
-    most_loaded,
-    place_text,
-    shown_dim,
-    shown_place,
-    unit_of,
-)
+from workflow import analysis
 from workflow.plots._style import COLOURS, legend_below, new_figure, trim
 from workflow.plots._units import scaled
 
@@ -81,12 +70,12 @@ def tip_response(curves: list[Curve], title: str = "", phases_of: int | None = N
     figure = new_figure(9.0, 2.3 * len(names) + 0.9)
     axes = np.atleast_1d(figure.subplots(len(names), 1, sharex=True))
     for panel, name in zip(axes, names, strict=True):
-        unit, scale = unit_of(first[name]), 1.0
+        unit, scale = analysis.unit_of(first[name]), 1.0
         if name == "displacement":
             largest = max(float(np.nanmax(np.abs(curve.case[name].values), initial=0.0)) for curve in curves)
             unit, scale = scaled("m", np.array([largest]))
         if phases_of is not None and "contact_force" in first:
-            phases = contact_phases(curves[phases_of].case)
+            phases = analysis.contact_phases(curves[phases_of].case)
             few = phases["begin"].size <= MOST_SHADED
             for begin, end in zip(phases["begin"].values, phases["end"].values, strict=True) if few else ():
                 panel.axvspan(begin, end, color=SHADE, alpha=0.09, lw=0)
@@ -115,7 +104,7 @@ def _draw_casing(panel: Axes, curves: list[Curve], scale: float, unit: str) -> N
     for curve in curves:
         if "gap" not in curve.case.coords:
             continue
-        gap, motion = float(gap_of(curve.case)), casing_motion(curve.case)
+        gap, motion = float(analysis.gap_of(curve.case)), analysis.casing_motion(curve.case)
         top, stays = casings.get(gap, (gap, False))
         if motion is None:
             panel.axhline(gap * scale, color="black", lw=0.8, ls=":")
@@ -157,21 +146,23 @@ def histories(dataset: xr.Dataset, along: str | None = None) -> Figure:
     """
     if not any(name in dataset for name in HISTORIES):
         raise ValueError("the dataset keeps no histories; name them under `output.histories` of the study")
-    if along is not None and along not in case_dims(dataset):
-        raise ValueError(f"`{along}` is no dimension of the cases; they lie along {', '.join(case_dims(dataset))}")
-    dataset = most_loaded(dataset)
-    place = shown_place(dataset)
-    dim = along or shown_dim(dataset)
+    if along is not None and along not in analysis.case_dims(dataset):
+        raise ValueError(
+            f"`{along}` is no dimension of the cases; they lie along {', '.join(analysis.case_dims(dataset))}"
+        )
+    dataset = analysis.most_loaded(dataset)
+    place = analysis.shown_place(dataset)
+    dim = along or analysis.shown_dim(dataset)
     compared = [{**place, dim: k} for k in range(dataset.sizes[dim])] if dim else [place]
     shown = [at for at in compared if int(dataset["status"].isel(at)) == 0]
     if dim is None:
         curves = [Curve(dataset.isel(shown[0]), "the case shown")]
     else:
-        labels = labels_of(dataset, dim, rounded=True)
+        labels = analysis.labels_of(dataset, dim, rounded=True)
         widths = np.linspace(_LAST + min(_BESIDE * (len(shown) - 1), _WIDEST), _LAST, len(shown))
         curves = [
             Curve(dataset.isel(at), labels[at[dim]], COLOURS[at[dim] % len(COLOURS)], width=float(width))
             for at, width in zip(shown, widths, strict=True)
         ]
-    rest = place_text(dataset, {name: k for name, k in place.items() if name != dim})
+    rest = analysis.place_text(dataset, {name: k for name, k in place.items() if name != dim})
     return tip_response(curves, title=rest, phases_of=len(curves) - 1)

@@ -9,16 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workflow.analysis import (
-    RPM,
-    finest,
-    gap_of,
-    most_loaded,
-    place_text,
-    require_numbers,
-    spectrum,
-    swept_axis,
-)
+from workflow import analysis
 from workflow.archive import grid_of, provenance
 from workflow.cases import arrange, full_structure
 from workflow.kernels import Array
@@ -72,12 +63,12 @@ def campbell(study: StudySource, orders: Sequence[float] | None = None, modes: i
         free = free[:, : max(1, int((free.min(axis=0) <= highest).sum()))]
     figure = new_figure(5.0, 3.8)
     panel: Any = figure.subplots()
-    panel.plot(RPM * speeds, free, color=COLOURS[0], lw=1.6)[0].set_label("free frequency")
-    _draw_orders(panel, speeds, RPM * speeds, lines, top := 1.12 * free.max(), GREY)
+    panel.plot(analysis.RPM * speeds, free, color=COLOURS[0], lw=1.6)[0].set_label("free frequency")
+    _draw_orders(panel, speeds, analysis.RPM * speeds, lines, top := 1.12 * free.max(), GREY)
     crossings = [crossing for order in lines for crossing in _crossings(study, speeds, free, order)]
     if crossings:
         at, frequency = np.transpose(crossings)
-        panel.plot(RPM * at, frequency, "o", color="black", mfc="white", ms=6, label="crossing", zorder=3)
+        panel.plot(analysis.RPM * at, frequency, "o", color="black", mfc="white", ms=6, label="crossing", zorder=3)
     panel.set(xlabel="speed [rpm]", ylabel="frequency [Hz]", ylim=(0.0, top))
     panel.margins(x=0.04)
     trim(panel)
@@ -155,17 +146,17 @@ def clearance(dataset: xr.Dataset, along: str = "speed") -> Figure:
     ValueError
         There is no such dimension with numbers.
     """
-    require_numbers(dataset, along)
-    dataset = most_loaded(dataset)
-    place = {dim: k for dim, k in finest(dataset).items() if dim != along}
+    analysis.require_numbers(dataset, along)
+    dataset = analysis.most_loaded(dataset)
+    place = {dim: k for dim, k in analysis.finest(dataset).items() if dim != along}
     cut = dataset.isel(place).where(dataset["status"].isel(place) == 0)
     heat = np.asarray(cut["thermal_closing"].values, dtype=float)
     curves = {"growth by heat at the end": heat} if heat.any() else {}
     if "displacement" in cut:
         x = np.asarray(cut["displacement"].transpose(along, "t").values, dtype=float)
-        begins = {} if swept_axis(dataset) else {"tip at the start": x[:, 0]}
+        begins = {} if analysis.swept_axis(dataset) else {"tip at the start": x[:, 0]}
         curves = {**begins, "tip at most": x.max(axis=1), **curves}
-    gap = np.broadcast_to(np.asarray(gap_of(cut).values, dtype=float), dataset[along].shape)
+    gap = np.broadcast_to(np.asarray(analysis.gap_of(cut).values, dtype=float), dataset[along].shape)
     unit, factor = scaled("m", gap)
     across, label = in_units(dataset[along])
     figure = new_figure(5.0, 3.5)
@@ -181,7 +172,7 @@ def clearance(dataset: xr.Dataset, along: str = "speed") -> Figure:
     panel.set(xlabel=label, ylabel=f"displacement [{unit}]")
     trim(panel)
     legend_below(figure, panel.get_legend_handles_labels(), 2)
-    head(figure, fill(place_text(dataset, place), 60))
+    head(figure, fill(analysis.place_text(dataset, place), 60))
     return figure
 
 
@@ -220,12 +211,12 @@ def interaction_map(
     ValueError
         There is no such dimension with numbers, or no such sensor or history.
     """
-    require_numbers(dataset, along)
-    dataset = most_loaded(dataset)
-    place = {dim: k for dim, k in finest(dataset).items() if dim != along}
+    analysis.require_numbers(dataset, along)
+    dataset = analysis.most_loaded(dataset)
+    place = {dim: k for dim, k in analysis.finest(dataset).items() if dim != along}
     cut = dataset.isel(place).sortby(along)
     history = _history(cut, sensor).where(cut["status"] == 0)
-    found = spectrum(history).transpose(..., along)
+    found = analysis.spectrum(history).transpose(..., along)
     frequency = found[found.dims[0]].values
     largest, label = in_units(found.max())
     moves = float(found.max()) > _ROUNDING * float(abs(history).max())
@@ -249,7 +240,7 @@ def interaction_map(
     legend_below(figure, panel.get_legend_handles_labels(), 2)
     window = f"{sensor.replace('_', ' ')}: last {found.attrs['seconds']:.3g} s, Hann window"
     resolution = f"resolution {2 * float(frequency[1]):.3g} Hz"
-    head(figure, fill("; ".join(filter(None, [f"{window}, {resolution}", place_text(dataset, place)])), 60))
+    head(figure, fill("; ".join(filter(None, [f"{window}, {resolution}", analysis.place_text(dataset, place)])), 60))
     return figure
 
 
@@ -282,7 +273,7 @@ def _draw_free(panel: Any, study: Study, speed: Array, top: float) -> None:
     """Draw the free frequencies up to some frequency."""
     at = np.linspace(speed[0], speed[-1], _SPEEDS)
     free = free_frequencies(study, at, _MODES)
-    lines = panel.plot(RPM * at, np.where(free <= top, free, np.nan), color=COLOURS[0], lw=0.9)
+    lines = panel.plot(analysis.RPM * at, np.where(free <= top, free, np.nan), color=COLOURS[0], lw=0.9)
     lines[0].set_label("free frequency")
 
 

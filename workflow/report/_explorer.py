@@ -13,22 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.analysis import (
-    Choice,
-    case_dims,
-    casing_motion,
-    contact_text,
-    exact_partners,
-    finest,
-    gap_of,
-    impulse_growth,
-    is_of_contacts,
-    notable_cases,
-    numerical_dims,
-    observed_order,
-    period_frequency,
-    total_error,
-)
+from workflow import analysis
 from workflow.plots import COLOURS, HISTORIES
 from workflow.plots._units import axis_of, coordinate_texts, scaled
 from workflow.report._figures import MARKS, ORBIT, branch_figures, case_figures, drawn
@@ -95,10 +80,10 @@ _FIRST = (
 """Metrics that come first where not all fit."""
 
 _DERIVED: dict[str, Callable[[xr.Dataset], NDArray[Any] | None]] = {
-    "error": total_error,
-    "scheme_error": partial(total_error, part="scheme_"),
-    "model_error": partial(total_error, part="model_"),
-    "impulse_growth": impulse_growth,
+    "error": analysis.total_error,
+    "scheme_error": partial(analysis.total_error, part="scheme_"),
+    "model_error": partial(analysis.total_error, part="model_"),
+    "impulse_growth": analysis.impulse_growth,
 }
 """What a page derives from the variables of an archive; ``None`` where it lacks them."""
 
@@ -115,14 +100,18 @@ _EXPLAINED = {
 
 
 def explored_cases(
-    dataset: xr.Dataset, archive: str, choice: Choice | None, methods: Mapping[str, str], scene: Mapping[str, Any]
+    dataset: xr.Dataset,
+    archive: str,
+    choice: analysis.Choice | None,
+    methods: Mapping[str, str],
+    scene: Mapping[str, Any],
 ) -> dict[str, Any]:
     """Return what the page's template and script need of the cases of the archive in a file of that name.
 
     ``choice`` is what it recommends or comes nearest to it; ``methods`` and ``scene`` are those of
     :func:`workflow.report._sections.study_of`.
     """
-    notable = notable_cases(dataset, choice)
+    notable = analysis.notable_cases(dataset, choice)
     shown = shown_part(dataset, notable)
     about = described(shown.dataset, shown.cases, methods, scene)
     about |= {"archive": repr(archive), "chosen_modes": _chosen_modes(dataset, choice)}
@@ -130,7 +119,7 @@ def explored_cases(
     unfit = ["metrics that do not fit: " + ", ".join(about["left_out"])] if about["left_out"] else []
     return {
         "figures": list(figures),
-        "contact": contact_text(dataset),
+        "contact": analysis.contact_text(dataset),
         "omitted": [*shown.left_out, *unfit],
         "metrics": [metric["name"] for metric in about["metrics"]],
         "is_auto": "auto" in (about["chosen_modes"] or ()),
@@ -142,7 +131,7 @@ def explored_cases(
 def with_contacts(dataset: xr.Dataset, archive: xr.Dataset) -> xr.Dataset:
     """Return an archive at one of its contacts with the impulses, or else the forces, of all that it keeps."""
     kept = next((archive[name] for name in ("impulse", "contact_force") if name in archive), None)
-    if kept is None or not is_of_contacts(archive):
+    if kept is None or not analysis.is_of_contacts(archive):
         return dataset
     return dataset.assign({_OF_CONTACTS: kept.rename(contact=_CONTACT)})
 
@@ -155,7 +144,7 @@ def explored_branches(dataset: xr.Dataset, variable: str) -> dict[str, Any]:
     return {"figures": list(figures), "data": block({"about": about, **drawn(figures)})}
 
 
-def _chosen_modes(dataset: xr.Dataset, choice: Choice | None) -> list[str] | None:
+def _chosen_modes(dataset: xr.Dataset, choice: analysis.Choice | None) -> list[str] | None:
     """Return the mode counts of the study's own choice, as the page writes them: ``auto``, else what is recommended."""
     values = [dataset[name].values.ravel() for name in MODES if name in dataset.coords]
     if len(values) == 2 and any((one == -1).any() for one in values):
@@ -187,13 +176,13 @@ class Shown(NamedTuple):
 
 def shown_part(dataset: xr.Dataset, notable: Iterable[int]) -> Shown:
     """Return the cases that a page holds: all, or evenly spread values of the longest axes and the notable cases."""
-    dims, shape = case_dims(dataset), dataset["status"].shape
+    dims, shape = analysis.case_dims(dataset), dataset["status"].shape
     places = [np.unravel_index(case, shape) if shape else () for case in notable]
     most = dict.fromkeys(dims, MOST_VALUES)
     while np.prod([min(n, most[dim]) for dim, n in zip(dims, shape, strict=True)]) > MOST_CASES:
         longest = max(dims, key=lambda dim: min(dataset.sizes[dim], most[dim]))
         most[longest] = 7 * min(dataset.sizes[longest], most[longest]) // 8
-    kept, remarks, first = [np.arange(size) for size in shape], [], finest(dataset)
+    kept, remarks, first = [np.arange(size) for size in shape], [], analysis.finest(dataset)
     for k, (dim, size) in enumerate(zip(dims, shape, strict=True)):
         if size > most[dim]:
             even = np.linspace(0, size - 1, most[dim]).round().astype(int)
@@ -220,7 +209,7 @@ def described(
     are those of :func:`workflow.report._sections.study_of`.
     """
     status = np.asarray(part["status"].values).ravel()
-    partners = exact_partners(part, methods)
+    partners = analysis.exact_partners(part, methods)
     metrics, left_out = _metrics(part, status == Status.OK)
     of_cost = next((metric["factor"] for metric in metrics if metric["name"] == "processor_time"), 1.0)
     schemes = np.atleast_1d(part["scheme"].values).tolist() if "scheme" in part.coords else ["the scheme"]
@@ -228,11 +217,11 @@ def described(
         "statuses": [status.name.lower().replace("_", "-") for status in Status],
         "colours": COLOURS,
         "markers": MARKS,
-        "dims": [axis_of(part, dim) for dim in case_dims(part)],
+        "dims": [axis_of(part, dim) for dim in analysis.case_dims(part)],
         "scheme_dim": (scheme_dim := _place_of(part, "scheme")),
-        "schemes": schemes if scheme_dim is None else axis_of(part, case_dims(part)[scheme_dim])["texts"],
+        "schemes": schemes if scheme_dim is None else axis_of(part, analysis.case_dims(part)[scheme_dim])["texts"],
         "h_dim": _place_of(part, "h"),
-        "numerical": [case_dims(part).index(dim) for dim in numerical_dims(part)],
+        "numerical": [analysis.case_dims(part).index(dim) for dim in analysis.numerical_dims(part)],
         "h": np.atleast_1d(part["h"].values) if "h" in part.coords else np.zeros(0),
         "cost_unit": of_cost * float(part.attrs.get("duration", 1.0)),
         "start": first[0],
@@ -248,7 +237,7 @@ def described(
 
 def _place_of(part: xr.Dataset, name: str) -> int | None:
     """Return the position among the dimensions of the one along which a coordinate lies."""
-    dims, along = case_dims(part), part[name].dims if name in part.coords else ()
+    dims, along = analysis.case_dims(part), part[name].dims if name in part.coords else ()
     return dims.index(str(along[0])) if len(along) == 1 and along[0] in dims else None
 
 
@@ -298,12 +287,12 @@ def _metrics(part: xr.Dataset, ok: NDArray[np.bool_]) -> tuple[list[dict[str, An
 
 def _orders(part: xr.Dataset) -> Array | None:
     """Return the observed order of the scheme in the scene of each case, of its part of the largest error."""
-    error = total_error(part, "scheme_")
-    error = total_error(part) if error is None else error
+    error = analysis.total_error(part, "scheme_")
+    error = analysis.total_error(part) if error is None else error
     if error is None or _place_of(part, "h") is None:
         return None
     status = part["status"]
-    orders = observed_order(part.assign(error=(status.dims, error)), "error")["order"]
+    orders = analysis.observed_order(part.assign(error=(status.dims, error)), "error")["order"]
     return np.asarray(orders.broadcast_like(status).transpose(*status.dims).values).ravel().round(2) + 0.0  # no -0.00
 
 
@@ -325,7 +314,7 @@ def _order(part: xr.Dataset, first: Sequence[int], partners: NDArray[np.int64]) 
     numbers, place = np.arange(size).reshape(shape), list[Any](np.unravel_index(first[0], shape) if shape else ())
     neighbours = [numbers[(*place[:axis], slice(None), *place[axis + 1 :])] for axis in range(len(shape))]
     rest = np.random.default_rng(0).permutation(size)
-    error = total_error(part)
+    error = analysis.total_error(part)
     if error is not None:
         rank = np.where(np.isfinite(error), error, -1.0).ravel()[rest]
         rest = rest[np.argsort(-rank, kind="stable")]
@@ -346,7 +335,7 @@ def _cases(part: xr.Dataset, order: Sequence[int], scene: Mapping[str, Any]) -> 
     has_worn = "worn_depth" in part
     if not names and not orbits and "period_impulse" not in part and not has_worn:
         return None
-    dims, samples = case_dims(part), part.sizes.get("t", 0)
+    dims, samples = analysis.case_dims(part), part.sizes.get("t", 0)
     rows = len(names) + contacts
     size = rows * min(samples, 2 * BUCKETS) + sum(part[name][dict.fromkeys(dims, 0)].size for name in others)
     kept = order[: min(MOST_KEPT, max(1, MOST_SAMPLES // size))]
@@ -365,12 +354,12 @@ def _cases(part: xr.Dataset, order: Sequence[int], scene: Mapping[str, Any]) -> 
     def frequency_and_gap(*at: int) -> tuple[float, Array | None]:
         """Return the gap as two equal numbers, or the motion of the casing at the times of the histories."""
         here = of_scene.isel(dict(zip(changing, at, strict=True)))
-        frequency = period_frequency(here, scene)
+        frequency = analysis.period_frequency(here, scene)
         if not has_gap:
             return frequency, None
-        motion, factor = casing_motion(here), units["displacement"][1]
+        motion, factor = analysis.casing_motion(here), units["displacement"][1]
         if motion is None:
-            return frequency, np.full(2, factor * float(gap_of(here)))
+            return frequency, np.full(2, factor * float(analysis.gap_of(here)))
         return frequency, on_screen(factor * thinned(motion[0], buckets))
 
     t = thinned_times(np.asarray(part["t"].values, dtype=float), buckets) if names else np.zeros(0)
@@ -444,7 +433,7 @@ def _unit(part: xr.Dataset, name: str) -> tuple[str, float]:
         return scaled("m", part[name].values)
     size: Any = part["gap"].values if name == "displacement" and "gap" in part.coords else 1.0
     if not np.any(size):
-        size = part[name].isel(dict.fromkeys(case_dims(part), 0)).values
+        size = part[name].isel(dict.fromkeys(analysis.case_dims(part), 0)).values
     return scaled(str(part[name].attrs.get("units", "1")), size)
 
 

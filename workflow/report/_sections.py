@@ -11,56 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workflow.analysis import (
-    ERRORS,
-    LIMITS,
-    RECOMMENDATION_COLUMNS,
-    Choice,
-    Line,
-    NoReferenceError,
-    NothingSteadyError,
-    answer_lines,
-    case_dims,
-    decided,
-    drawn_dim,
-    effect,
-    exact_place,
-    failures,
-    finest,
-    followed_axis,
-    hidden,
-    is_exact,
-    labels_of,
-    limit_lines,
-    limits,
-    lines,
-    modes_along,
-    place_text,
-    recommend,
-    recommendation_cautions,
-    recommendation_row,
-    runaways,
-    standings,
-    swept_axis,
-    undecidable,
-    usual_recommendations,
-)
+from workflow import analysis, plots
 from workflow.archive import json_in, provenance
-from workflow.plots import (
-    LEAST_VALUES,
-    branches,
-    clearance,
-    convergence,
-    interaction_map,
-    map_dims,
-    metric_by_axis,
-    middle,
-    scene_map,
-    single_maps,
-    sobol_indices,
-    sweep,
-    work_precision,
-)
 from workflow.report._html import picture, short
 from workflow.run import status_counts
 from workflow.schemes import Status
@@ -88,33 +40,33 @@ def any_ok(dataset: xr.Dataset) -> bool:
     return bool((dataset["status"] == Status.OK).any())
 
 
-def answered(dataset: xr.Dataset, methods: Mapping[str, str]) -> tuple[Section, Choice | None]:
+def answered(dataset: xr.Dataset, methods: Mapping[str, str]) -> tuple[Section, analysis.Choice | None]:
     """Return what an archive recommends at its study's tolerance, or why it holds no answer, and the choice.
 
     The choice is what comes nearest where nothing meets the tolerance, and ``None`` without a reference. ``methods``
     holds the method of each scheme.
     """
     try:
-        recommendation = recommend(dataset)
-    except (NoReferenceError, ValueError) as error:
+        recommendation = analysis.recommend(dataset)
+    except (analysis.NoReferenceError, ValueError) as error:
         explanation = (
             "Every case is the exact solution of its model (event_driven): there is no step to choose. "
             "The study has no `reference`, so the error of the model is not known."
-            if is_exact(dataset, methods)
+            if analysis.is_exact(dataset, methods)
             else "A sweep has no errors: its points start from each other. Run the study with a list in the place of "
             "the sweep and `reference: {scheme: event_driven}` to another archive, with -o."
-            if swept_axis(dataset)
+            if analysis.swept_axis(dataset)
             else f"No recommendation: {error}. Run the study with `reference: {{scheme: event_driven}}` to "
             "another archive, with -o."
         )
         return {"explanation": explanation}, None
-    usual = usual_recommendations(dataset, recommendation)
+    usual = analysis.usual_recommendations(dataset, recommendation)
     answer = {
-        "lines": answer_lines(recommendation),
-        "cautions": recommendation_cautions(dataset),
-        "undecidable": list(dict.fromkeys(undecidable(one) for one in usual if one.undecidable)),
-        "columns": RECOMMENDATION_COLUMNS,
-        "rows": [recommendation_row(one) for one in usual],
+        "lines": analysis.answer_lines(recommendation),
+        "cautions": analysis.recommendation_cautions(dataset),
+        "undecidable": list(dict.fromkeys(analysis.undecidable(one) for one in usual if one.undecidable)),
+        "columns": analysis.RECOMMENDATION_COLUMNS,
+        "rows": [analysis.recommendation_row(one) for one in usual],
     }
     return answer, recommendation.choice or recommendation.next
 
@@ -122,14 +74,18 @@ def answered(dataset: xr.Dataset, methods: Mapping[str, str]) -> tuple[Section, 
 def where_it_settles(dataset: xr.Dataset) -> Section | None:
     """Say in which range of each axis every steady rub settles, as ``workflow limits`` without bounds."""
     try:
-        return {"sentences": limit_lines(limits(dataset), dataset, {})} if "steady_state" in dataset else None
-    except NothingSteadyError:
+        return (
+            {"sentences": analysis.limit_lines(analysis.limits(dataset), dataset, {})}
+            if "steady_state" in dataset
+            else None
+        )
+    except analysis.NothingSteadyError:
         return None
 
 
 def varied_along_branches(dataset: xr.Dataset) -> list[str]:
     """Return the variables that are drawn along branches, of an archive with any; heat only where some acts."""
-    if followed_axis(dataset) is None or not any_ok(dataset):
+    if analysis.followed_axis(dataset) is None or not any_ok(dataset):
         return []
     return [name for name in _ALONG_BRANCHES if np.nanmax(dataset[name].values) > 0]
 
@@ -137,7 +93,7 @@ def varied_along_branches(dataset: xr.Dataset) -> list[str]:
 def along_branches(dataset: xr.Dataset) -> Section | None:
     """Draw the branches of an archive."""
     names = varied_along_branches(dataset)
-    return _drawn({f"{name.replace('_', ' ')} along the branches": branches(dataset, name) for name in names})
+    return _drawn({f"{name.replace('_', ' ')} along the branches": plots.branches(dataset, name) for name in names})
 
 
 def _drawn(figures: Mapping[str, Figure]) -> Section | None:
@@ -152,56 +108,60 @@ def over_speed(dataset: xr.Dataset) -> Section | None:
     """Draw what changes over the rotation speed and along a sweep, as far as an archive has the numbers for it."""
     if not any_ok(dataset):
         return None
-    figures, swept = dict[str, Any](), swept_axis(dataset)
+    figures, swept = dict[str, Any](), analysis.swept_axis(dataset)
     if swept is not None:
-        figures[f"contact impulse along the sweep of {swept}"] = sweep(dataset, "contact_impulse")
-    if "speed" in case_dims(dataset) and dataset.sizes["speed"] >= LEAST_VALUES:
+        figures[f"contact impulse along the sweep of {swept}"] = plots.sweep(dataset, "contact_impulse")
+    if "speed" in analysis.case_dims(dataset) and dataset.sizes["speed"] >= plots.LEAST_VALUES:
         sensors = [str(name) for name in dataset["sensor"].values] if "sensor_value" in dataset else []
         kept = [*sensors, *({"displacement"} & set(dataset.data_vars))] if "t" in dataset.dims else []
         for name in kept[:_SENSORS_SHOWN]:
-            figures[f"spectrum of {name.replace('_', ' ')} over the speed"] = interaction_map(dataset, name)
-        figures["closing of the clearance over the speed"] = clearance(dataset)
+            figures[f"spectrum of {name.replace('_', ' ')} over the speed"] = plots.interaction_map(dataset, name)
+        figures["closing of the clearance over the speed"] = plots.clearance(dataset)
     return _drawn(figures)
 
 
 def sweeps(datasets: Sequence[xr.Dataset]) -> Section | None:
     """Draw two sweeps along one axis over each other, and a branch along it behind them, of several archives."""
-    swept = [one for one in datasets if swept_axis(one) is not None and any_ok(one)]
-    axis = swept_axis(swept[0]) if swept else None
-    if axis is None or len(swept) != 2 or swept_axis(swept[1]) != axis:
+    swept = [one for one in datasets if analysis.swept_axis(one) is not None and any_ok(one)]
+    axis = analysis.swept_axis(swept[0]) if swept else None
+    if axis is None or len(swept) != 2 or analysis.swept_axis(swept[1]) != axis:
         return None
-    branch = next((one for one in datasets if followed_axis(one) == axis and any_ok(one)), None)
+    branch = next((one for one in datasets if analysis.followed_axis(one) == axis and any_ok(one)), None)
     up, down = sorted(swept, key=lambda one: float(one[axis][0]))
-    return _drawn({f"impulse of the load periods along {axis}": sweep(up, "period_impulse", down, branch)})
+    return _drawn({f"impulse of the load periods along {axis}": plots.sweep(up, "period_impulse", down, branch)})
 
 
 def maps(dataset: xr.Dataset) -> Section | None:
     """Draw maps of a scene over two axes, of archives that hold load periods and no errors."""
-    dims = map_dims(dataset)
+    dims = plots.map_dims(dataset)
     if dims is None or "impulse_error" in dataset or not any_ok(dataset):
         return None
-    place = middle(dataset, dims)
-    pictures = [picture(one, "map of the scene over two axes") for one in single_maps(dataset, dims, place)]
+    place = plots.middle(dataset, dims)
+    pictures = [picture(one, "map of the scene over two axes") for one in plots.single_maps(dataset, dims, place)]
     if not pictures:
         return None
-    return {"pictures": pictures, "where": place_text(dataset, place), "figure": scene_map(dataset, *dims)}
+    return {
+        "pictures": pictures,
+        "where": analysis.place_text(dataset, place),
+        "figure": plots.scene_map(dataset, *dims),
+    }
 
 
 def cases(dataset: xr.Dataset) -> Section:
     """Tell how the cases ended and along which dimensions they lie."""
-    groups = failures(dataset, rounded=True)
+    groups = analysis.failures(dataset, rounded=True)
     return {
         "counts": [[name, str(number)] for name, number in status_counts(dataset).items()],
-        **runaways(dataset)._asdict(),
+        **analysis.runaways(dataset)._asdict(),
         "failures": [[f.status, str(f.cases), f.first, f.message] for f in groups[:_FAILURES_SHOWN]],
         "more_failures": max(len(groups) - _FAILURES_SHOWN, 0),
         "decided": [
             [one.where, f"{one.mechanical_modes} + {one.thermal_modes}", _percent(one.error)]
-            for one in decided(dataset)[:_DECIDED_SHOWN]
+            for one in analysis.decided(dataset)[:_DECIDED_SHOWN]
         ],
         "dims": [
-            [dim, str(dataset.sizes[dim]), _listed(labels_of(dataset, dim, named=False, rounded=True))]
-            for dim in case_dims(dataset)
+            [dim, str(dataset.sizes[dim]), _listed(analysis.labels_of(dataset, dim, named=False, rounded=True))]
+            for dim in analysis.case_dims(dataset)
         ],
     }
 
@@ -213,41 +173,41 @@ def _listed(labels: list[str]) -> str:
 
 def effects(archive: xr.Dataset, methods: Mapping[str, str]) -> Section | None:
     """Tell what each axis does, to the exact solutions where there are any, and which do less than the schemes err."""
-    exact = exact_place(archive, methods) or {}
+    exact = analysis.exact_place(archive, methods) or {}
     dataset = archive.isel(exact)
-    dims = [dim for dim in case_dims(dataset) if dataset.sizes[dim] > 1]
+    dims = [dim for dim in analysis.case_dims(dataset) if dataset.sizes[dim] > 1]
     if not dims or not any_ok(dataset):
         return None
     names = [name for name in METRICS if name in dataset]
     return {
-        "of_exact": place_text(archive, {dim: k for dim, k in exact.items() if dim != "h"}),
+        "of_exact": analysis.place_text(archive, {dim: k for dim, k in exact.items() if dim != "h"}),
         "head": ["axis", *(name.replace("_", " ") for name in names)],
-        "rows": [[dim, *(_percent(effect(dataset, name, dim)) for name in names)] for dim in dims],
+        "rows": [[dim, *(_percent(analysis.effect(dataset, name, dim)) for name in names)] for dim in dims],
         "hidden": [
             f"{one.dim} changes the {one.metric.replace('_', ' ')} by {_percent(one.effect)} in the most accurate "
             "computation, no more than the median error of "
             + "; ".join(f"{scheme} at {steps}" for scheme, steps in one.within.items())
             + "."
-            for one in hidden(archive)
+            for one in analysis.hidden(archive)
         ],
-        "shown": place_text(dataset, finest(dataset)),
+        "shown": analysis.place_text(dataset, analysis.finest(dataset)),
         "pictures": [
-            picture(metric_by_axis(dataset, "contact_impulse"), "contact impulse along each axis"),
-            picture(metric_by_axis(dataset, "max_temperature"), "largest temperature along each axis"),
+            picture(plots.metric_by_axis(dataset, "contact_impulse"), "contact impulse along each axis"),
+            picture(plots.metric_by_axis(dataset, "max_temperature"), "largest temperature along each axis"),
         ],
     }
 
 
 def standing(dataset: xr.Dataset) -> Section:
     """Tell who stays stable and who is accurate, by scheme and step."""
-    found = standings(dataset)
+    found = analysis.standings(dataset)
     rows = [
         [
             row.scheme,
             row.step,
             ", ".join(f"{n} {name}" for name, n in row.counts.items()),
             short(row.error),
-            "" if row.choice is None else LIMITS[row.choice.worst.limited_by],
+            "" if row.choice is None else analysis.LIMITS[row.choice.worst.limited_by],
             short(row.residual, "+.1e"),
             short(row.penetration),
             short(row.restitution, ".2g"),
@@ -263,10 +223,13 @@ def errors(dataset: xr.Dataset) -> Section | None:
     """Tell the errors against the reference by scheme and step, median and largest of all other cases."""
     if "impulse_error" not in dataset or not any_ok(dataset):
         return None
-    dims, names = [dim for dim in ("scheme", "h") if dim in case_dims(dataset)], [f"{name}_error" for name in COMPARED]
-    labels = {dim: labels_of(dataset, dim, named=False, rounded=True) for dim in dims}
+    dims, names = (
+        [dim for dim in ("scheme", "h") if dim in analysis.case_dims(dataset)],
+        [f"{name}_error" for name in COMPARED],
+    )
+    labels = {dim: analysis.labels_of(dataset, dim, named=False, rounded=True) for dim in dims}
     of_ok = dataset[names].where(dataset["status"] == Status.OK)
-    others = [dim for dim in case_dims(dataset) if dim not in dims]
+    others = [dim for dim in analysis.case_dims(dataset) if dim not in dims]
     medians, largest = of_ok.median(others), of_ok.max(others)
     rows = []
     for place in np.ndindex(*(dataset.sizes[dim] for dim in dims)):
@@ -285,24 +248,30 @@ def precision(dataset: xr.Dataset) -> Section | None:
     if "impulse_error" not in dataset or dataset.sizes.get("h", 1) < 3 or not any_ok(dataset):
         return None
     fewest = _fewest_modes(dataset)
-    figure = work_precision(dataset, dataset.isel(fewest) if fewest else None)
+    figure = plots.work_precision(dataset, dataset.isel(fewest) if fewest else None)
     return {
-        "shown": place_text(dataset, {dim: k for dim, k in finest(dataset).items() if dim not in ("scheme", "h")}),
+        "shown": analysis.place_text(
+            dataset, {dim: k for dim, k in analysis.finest(dataset).items() if dim not in ("scheme", "h")}
+        ),
         "pictures": [
             picture(figure, "relative error against processor seconds per simulated second"),
-            picture(convergence(dataset), "relative error, penetration and energy residual against the step"),
+            picture(plots.convergence(dataset), "relative error, penetration and energy residual against the step"),
         ],
-        "head": ["scheme", *(f"{one}: order / scatter" for one in ERRORS.values()), "last stable step [s]"],
+        "head": ["scheme", *(f"{one}: order / scatter" for one in analysis.ERRORS.values()), "last stable step [s]"],
         "orders": [
-            [line.scheme, *(" / ".join(short(one, "z.2f") for one in line.orders[n]) for n in ERRORS), _limit(line)]
-            for line in lines(dataset)
+            [
+                line.scheme,
+                *(" / ".join(short(one, "z.2f") for one in line.orders[n]) for n in analysis.ERRORS),
+                _limit(line),
+            ]
+            for line in analysis.lines(dataset)
             if not line.exact
         ],
         "figure": figure,
     }
 
 
-def _limit(line: Line) -> str:
+def _limit(line: analysis.Line) -> str:
     lost = np.flatnonzero(line.lost)
     return "every h" if not lost.size else f"{line.h[lost[0] - 1]:.6g}" if lost[0] else "none"
 
@@ -312,18 +281,18 @@ def _fewest_modes(dataset: xr.Dataset) -> dict[str, int]:
     dims = {
         str(dim) for name in MODES if name in dataset.coords for dim in dataset[name].dims if dataset.sizes[dim] > 1
     }
-    return {dim: int(np.argmin(modes_along(dataset, dim))) for dim in dims}
+    return {dim: int(np.argmin(analysis.modes_along(dataset, dim))) for dim in dims}
 
 
 def shares(dataset: xr.Dataset) -> Section | None:
     """Draw the Sobol' indices of metrics that the drawn numbers change, of an archive with the matrices for it."""
-    design = drawn_dim(dataset)
+    design = analysis.drawn_dim(dataset)
     if design is None:
         return None
-    changing = [name for name in METRICS if name in dataset and effect(dataset, name, design) > 0]
-    figure = sobol_indices(dataset, *changing) if changing else None
+    changing = [name for name in METRICS if name in dataset and analysis.effect(dataset, name, design) > 0]
+    figure = plots.sobol_indices(dataset, *changing) if changing else None
     return {
-        "where": place_text(dataset, {dim: k for dim, k in finest(dataset).items() if dim != design}),
+        "where": analysis.place_text(dataset, {dim: k for dim, k in analysis.finest(dataset).items() if dim != design}),
         "pictures": [] if figure is None else [picture(figure, "Sobol' indices of the drawn numbers")],
         "figure": figure,
     }

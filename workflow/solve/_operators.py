@@ -8,38 +8,24 @@ from typing import Any
 
 import numpy as np
 
-from workflow import schemes
+from workflow import models, schemes
 from workflow.cases import Reduced, full_structure, model_on, reduced, reduced_structure
 from workflow.judges.blow_ups import PermanentContact, Runaways, mark_blown_up
-from workflow.models import (
-    Array,
-    Cases,
-    Chain,
-    EndState,
-    Matrices,
-    Sensor,
-    Structure,
-    at_rest,
-    needs_matrices,
-    sensors_of,
-    statics,
-    structure_of,
-)
 from workflow.reduction import projection_residual
 from workflow.schemes import Results, Sampling
 from workflow.solve._compile import KernelVariant, compile_scheme
 from workflow.study import CaseSettings
 
-Watched = tuple[Sensor, ...]
+Watched = tuple[models.Sensor, ...]
 
 _MOST_OPERATORS = 16
 """Operators kept per process; tasks run through them in order, so few are alive at a time."""
 
 
 @lru_cache(maxsize=_MOST_OPERATORS)
-def statics_of(model: str, parameters: Any) -> tuple[Array, Array]:
+def statics_of(model: str, parameters: Any) -> tuple[models.Array, models.Array]:
     """Return what :func:`~workflow.models.statics` says of a full structure."""
-    return statics(structure_of(model, parameters))
+    return models.statics(models.structure_of(model, parameters))
 
 
 @lru_cache(maxsize=_MOST_OPERATORS)
@@ -48,17 +34,17 @@ def _operator(by: Reduced, method: str, options: Any, h: float, depth: float | N
 
 
 @lru_cache(maxsize=_MOST_OPERATORS)
-def observed_structure(by: Reduced, depth: float | None, sensors: Watched = ()) -> Structure:
+def observed_structure(by: Reduced, depth: float | None, sensors: Watched = ()) -> models.Structure:
     """Return the structure that cases are run on, with the depth, if any, and the sensors that schemes record."""
-    model, full = model_on(by), structure_of(by.model, by.parameters)
+    model, full = model_on(by), models.structure_of(by.model, by.parameters)
     if sensors:
-        rows = sensors_of(by.model, by.parameters, sensors)
+        rows = models.sensors_of(by.model, by.parameters, sensors)
         own = rows if model.reduction is None else model.reduction.sensors(rows, full)
         model = model._replace(structure=replace(model.structure, sensors=own))
     if depth is None:
         return model.structure
-    assert isinstance(full, Chain), "a study is refused otherwise"
-    assert isinstance(model.structure, Chain | Matrices)
+    assert isinstance(full, models.Chain), "a study is refused otherwise"
+    assert isinstance(model.structure, models.Chain | models.Matrices)
     basis = 1.0 if model.reduction is None else model.reduction.temperature_basis
     observed = np.dot(full.mean_over(depth)[None], basis)
     return replace(model.structure, contacts=replace(model.structure.contacts, observed=observed))
@@ -74,7 +60,10 @@ def kernel_variant(settings: CaseSettings, balances: bool) -> KernelVariant | No
     scheme, structure = schemes.load(settings.scheme.method), reduced_structure(settings)
     if scheme.refusal(structure, settings.scheme.options) is not None:
         return None
-    coupled, driven = needs_matrices(structure), bool(settings.scene.casing.harmonics or settings.scene.load.harmonics)
+    coupled, driven = (
+        models.needs_matrices(structure),
+        bool(settings.scene.casing.harmonics or settings.scene.load.harmonics),
+    )
     slides = structure.contacts.slides and settings.scene.friction is not None
     kind = {"harmonics": driven, "slides": slides, "coupled": coupled}
     contacts, coated = structure.contacts, settings.scene.casing.coating is not None
@@ -89,12 +78,12 @@ def compile_for(settings: CaseSettings, balances: bool) -> None:
         compile_scheme(variant)
 
 
-def permanent_contact(settings: CaseSettings, alpha: Array, friction: Array) -> PermanentContact:
+def permanent_contact(settings: CaseSettings, alpha: models.Array, friction: models.Array) -> PermanentContact:
     """Return what becomes of cases of settings in permanent contact."""
     return _runaways(reduced(settings)).of(alpha, friction)
 
 
-def projection_residual_of(settings: CaseSettings, cases: Cases) -> Array:
+def projection_residual_of(settings: CaseSettings, cases: models.Cases) -> models.Array:
     """Return what the basis of settings loses of cases given on the nodes, 1, ``(case,)``; 0 where it is full."""
     reduction = model_on(reduced(settings)).reduction
     if reduction is None:
@@ -102,7 +91,7 @@ def projection_residual_of(settings: CaseSettings, cases: Cases) -> Array:
     return projection_residual(full_structure(settings), reduction, cases)
 
 
-def judged(settings: CaseSettings, cases: Cases, results: Results, duration: float) -> Results:
+def judged(settings: CaseSettings, cases: models.Cases, results: Results, duration: float) -> Results:
     """Return what :func:`run_batch` has made of cases, with those marked that blew up."""
     return mark_blown_up(
         full_structure(settings),
@@ -115,14 +104,14 @@ def judged(settings: CaseSettings, cases: Cases, results: Results, duration: flo
     )
 
 
-def as_run(settings: CaseSettings, cases: Cases, sensors: Watched = ()) -> tuple[Structure, Cases]:
+def as_run(settings: CaseSettings, cases: models.Cases, sensors: Watched = ()) -> tuple[models.Structure, models.Cases]:
     """Return the structure that cases are run on, with sensors, and cases given on the nodes as they start on it."""
     by = reduced(settings)
     structure, projected = observed_structure(by, None, sensors), model_on(by).project(cases)
-    return structure, at_rest(structure, projected) if settings.scene.initial == "static" else projected
+    return structure, models.at_rest(structure, projected) if settings.scene.initial == "static" else projected
 
 
-def end_of(settings: CaseSettings, results: Results) -> EndState:
+def end_of(settings: CaseSettings, results: Results) -> models.EndState:
     """Return the states in which cases ended, in the coordinates in which their initial states are given.
 
     One contact with mass ends where its last sample is, to the bit. Refuses a scheme that gives none.
@@ -138,7 +127,7 @@ def end_of(settings: CaseSettings, results: Results) -> EndState:
 
 
 def run_batch(
-    settings: CaseSettings, cases: Cases, sampling: Sampling, depth: float | None = None, sensors: Watched = ()
+    settings: CaseSettings, cases: models.Cases, sampling: Sampling, depth: float | None = None, sensors: Watched = ()
 ) -> Results:
     """Run cases, given on the nodes, on the structure and with the scheme of settings, which records sensors.
 
