@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -139,7 +138,7 @@ def _plan(grid: Grid) -> Plan:
         time=order_of_time(
             solve.costs(grid).preparing + (solve.model_seconds(grid) + _reference_seconds(grid)) / threads
         ),
-        bytes=_result_bytes(grid),
+        bytes=cases * solve.stored_bytes(grid),
         memory=solve.memory_needed(grid, threads),
         stored=tuple(grid.study.output.sampled),
         structures=tuple(figures(settings, *ends_of_friction(grid, settings)) for settings in shown),
@@ -166,17 +165,6 @@ def _reference_seconds(grid: Grid) -> float:
     some = every[:: 1 + len(every) // MOST_OUTER]
     seconds = sum(count * solve.solution_seconds(grid, settings, is_exact) for settings, is_exact, count in some)
     return seconds * len(every) / max(len(some), 1)
-
-
-def _result_bytes(grid: Grid) -> int:
-    """Return the size of a study's results before compression."""
-    stored = 8 if grid.study.output.precision == "float64" else 4
-    histories = [name for name in grid.study.output.sampled if name != "sensor_value"]
-    sampled = stored * len(histories) * grid.sampling.count
-    each = 8 * (4 * grid.longest_period_count + 22) + sampled
-    each = each * math.prod(grid.study.contact_shape) + solve.steady_bytes(grid)
-    each += solve.asked_bytes(grid, stored if "sensor_value" in grid.study.output.sampled else 0)
-    return grid.outer_count * grid.inner_count * each
 
 
 def _operators(grid: Grid) -> Iterator[str]:

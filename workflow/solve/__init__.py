@@ -21,13 +21,12 @@ from workflow.solve._tasks import (
     TASK_BYTES,
     Batch,
     Task,
-    asked_bytes,
     costs,
     memory_needed,
     model_seconds,
     require_memory,
     seconds_per_case,
-    steady_bytes,
+    stored_bytes,
     tasks,
 )
 from workflow.solve._variables import dims_of, lengths, unset, variables_of

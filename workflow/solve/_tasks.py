@@ -21,6 +21,7 @@ from workflow.judges.trials import EXACT
 from workflow.kernels.lanes import PACK
 from workflow.models import Chain, Structure, needs_matrices, one_thread
 from workflow.schemes import Sampling
+from workflow.solve._variables import dims_of, lengths, unset, variables_of
 from workflow.study import CaseSettings, Study
 
 _UNMEASURED = 1e-7
@@ -205,11 +206,19 @@ def decides_cost(path: str, model: str) -> bool:
     return path == f"scene.{model}.nodes" or not path.startswith((f"scene.{model}.", "scene.speed", "schemes."))
 
 
+def stored_bytes(grid: Grid) -> int:
+    """Return the bytes of a case in the archive, before compression."""
+    sizes, histories = lengths(grid), np.dtype(grid.study.output.precision).itemsize
+    return sum(
+        math.prod(sizes[dim] for dim in dims_of(about, sizes))
+        * (histories if about.shape == "history" else unset(about).dtype.itemsize)
+        for about in variables_of(grid)
+    )
+
+
 def bytes_per_case(grid: Grid) -> int:
-    """Return the bytes of a case in memory: conditions, results, what is derived of them, the copy that is stored."""
-    contacts = math.prod(grid.study.contact_shape)
-    each = 8 * (10 * grid.sampling.count + 8 * grid.longest_period_count + 90) * contacts
-    return each + 2 * asked_bytes(grid, 8) + steady_bytes(grid)
+    """Return the bytes of a case in memory: conditions, what a scheme gives, results and the copy that is stored."""
+    return 8 * (6 * grid.sampling.count + 45) * math.prod(grid.study.contact_shape) + 2 * stored_bytes(grid)
 
 
 def together_in_memory(grid: Grid) -> int:
@@ -243,24 +252,6 @@ def require_memory(grid: Grid, threads: int) -> None:
             f"{threads} at once need {needed / 1e9:.3g} GB for {grid.sampling.count} samples of each case, and "
             f"{there / 1e9:.3g} GB are free"
         )
-
-
-def asked_bytes(grid: Grid, stored: int) -> int:
-    """Return the bytes of a case's sensors, events and worn depths, with so many of a sample."""
-    output, samples = grid.study.output, grid.sampling.count
-    worn = 8 * grid.most_sectors * (1 + grid.revolutions.size) * math.prod(grid.study.contact_shape)
-    sensors = len(output.sensors) * (stored * samples + 8 * grid.longest_period_count + 24)
-    return sensors + worn + 26 * (output.events or 0)
-
-
-def steady_bytes(grid: Grid) -> int:
-    """Return the bytes of a case's steady rubs, 0 where they are not asked for."""
-    steady, branch = grid.study.output.steady, grid.study.branch
-    if steady is None:
-        return 0
-    contacts = math.prod(grid.study.contact_shape)
-    rows = 3 * contacts + len(grid.study.output.sensors)
-    return 8 * (rows * steady.samples + 9 + 7 * contacts) * (1 if branch is None else branch.points)
 
 
 def model_seconds(grid: Grid, missing: NDArray[np.bool_] | None = None) -> float:
