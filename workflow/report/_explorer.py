@@ -56,29 +56,6 @@ _OF_CONTACTS, _CONTACT = "all_contacts", "of_contact"
 _LONGEST_MESSAGE = 300
 """Characters of a message that a page repeats."""
 
-_FIRST = (
-    "error",
-    "processor_time",
-    "scheme_error",
-    "model_error",
-    "max_temperature",
-    "contact_impulse",
-    "impulse_growth",
-    "runaway",
-    "steady_state",
-    "impacts",
-    "max_penetration",
-    "displacement_error",
-    "temperature_error",
-    "impulse_error",
-    "energy_residual",
-    "predictability",
-    "contact_time",
-    "thermal_closing",
-    "growth_rate",
-)
-"""Metrics that come first where not all fit."""
-
 _DERIVED: dict[str, Callable[[xr.Dataset], NDArray[Any] | None]] = {
     "error": analysis.total_error,
     "scheme_error": partial(analysis.total_error, part="scheme_"),
@@ -86,6 +63,9 @@ _DERIVED: dict[str, Callable[[xr.Dataset], NDArray[Any] | None]] = {
     "impulse_growth": analysis.impulse_growth,
 }
 """What a page derives from the variables of an archive; ``None`` where it lacks them."""
+
+_FIRST = (*_DERIVED, "processor_time", "runaway", "steady_state")
+"""Metrics that come first where not all fit."""
 
 _EXPLAINED = {
     "error": "largest relative L2 distance of displacement, temperature and impulse from the reference",

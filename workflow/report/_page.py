@@ -142,7 +142,6 @@ def _write_single(archive: Path, written: Path, beside: Path) -> ReportFiles:
             precision=precision,
             shares=shares if has_transients else None,
             effects=sections.effects(dataset, methods) if has_transients and not shares else None,
-            errors=sections.errors(dataset),
             origin=sections.origin(dataset, archive),
         )
     commit(written, text.encode())

@@ -17,7 +17,6 @@ from workflow.report._html import picture, short
 from workflow.run import status_counts
 from workflow.schemes import Status
 from workflow.study import MODES
-from workflow.variables import COMPARED
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -217,30 +216,6 @@ def standing(dataset: xr.Dataset) -> Section:
     ]
     new = [k for k in range(1, len(rows)) if rows[k][0] != rows[k - 1][0]]
     return {"rows": rows, "new": new, "more": len(found) - len(rows)}
-
-
-def errors(dataset: xr.Dataset) -> Section | None:
-    """Tell the errors against the reference by scheme and step, median and largest of all other cases."""
-    if "impulse_error" not in dataset or not any_ok(dataset):
-        return None
-    dims, names = (
-        [dim for dim in ("scheme", "h") if dim in analysis.case_dims(dataset)],
-        [f"{name}_error" for name in COMPARED],
-    )
-    labels = {dim: analysis.labels_of(dataset, dim, named=False, rounded=True) for dim in dims}
-    of_ok = dataset[names].where(dataset["status"] == Status.OK)
-    others = [dim for dim in analysis.case_dims(dataset) if dim not in dims]
-    medians, largest = of_ok.median(others), of_ok.max(others)
-    rows = []
-    for place in np.ndindex(*(dataset.sizes[dim] for dim in dims)):
-        at = dict(zip(dims, place, strict=True))
-        pairs = [(float(medians[name].isel(at)), float(largest[name].isel(at))) for name in names]
-        rows.append([labels[dim][k] for dim, k in at.items()] + [f"{short(a)} / {short(b)}" for a, b in pairs])
-    return {
-        "predictability": f"{float(dataset['predictability'].max()):.1e}",
-        "head": [*dims, *(name.replace("_", " ") for name in names)],
-        "rows": rows,
-    }
 
 
 def precision(dataset: xr.Dataset) -> Section | None:
