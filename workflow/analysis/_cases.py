@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from workflow.archive import boxes, lengths
 from workflow.judges.trials import EXACT
 from workflow.run import status_name
 from workflow.schemes import Status
@@ -264,27 +264,12 @@ def failures(dataset: xr.Dataset, rounded: bool = False) -> list[Failures]:
 
 def _messages(dataset: xr.Dataset, status: NDArray[np.int8]) -> Iterator[tuple[tuple[int, ...], str]]:
     """Yield index and message of cases that are not ok or have a message; a bounded number is read at a time."""
-    for block in _blocks(status.shape):
+    for block in boxes(status.shape, lengths(status.shape, (1,) * status.ndim, _BLOCK)):
         states = status[block]
         texts = np.asarray(dataset["message"].isel(dict(zip(dataset["status"].dims, block, strict=True))).values)
         speaks = (states != Status.NOT_RUN.value) & ((states != Status.OK.value) | (texts != ""))
         for place in np.argwhere(speaks).tolist():
             yield tuple(b.start + k for b, k in zip(block, place, strict=True)), str(texts[tuple(place)])
-
-
-def _blocks(shape: tuple[int, ...]) -> Iterator[tuple[slice, ...]]:
-    """Yield slices of at most :data:`_BLOCK` cases each that make up an array; halves of its longest dimension."""
-    waiting = [tuple(slice(0, size) for size in shape)]
-    while waiting:
-        block = waiting.pop()
-        sizes = [part.stop - part.start for part in block]
-        if math.prod(sizes) <= _BLOCK:
-            yield block
-            continue
-        k = sizes.index(max(sizes))
-        middle = block[k].start + sizes[k] // 2
-        for part in (slice(middle, block[k].stop), slice(block[k].start, middle)):
-            waiting.append((*block[:k], part, *block[k + 1 :]))
 
 
 def finest(dataset: xr.Dataset) -> dict[str, int]:

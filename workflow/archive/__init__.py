@@ -5,7 +5,7 @@ A run calls :func:`start_parts`, then :func:`write_shard` from any thread or pro
 xarray, netCDF4 and h5py are imported when they are needed, not with this package.
 """
 
-from workflow.archive._checksums import LEFT_OUT
+from workflow.archive._checksums import LEFT_OUT, lengths
 from workflow.archive._files import ArchiveError, commit, file_of, replaceable, usable
 from workflow.archive._gather import gather
 from workflow.archive._open import (
@@ -40,6 +40,7 @@ from workflow.archive._stored import (
     Stored,
     archive_sources,
     are_among,
+    boxes,
     find_shards,
     lacking,
     stored_hashes,
