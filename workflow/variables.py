@@ -331,6 +331,16 @@ COMPARED = ("displacement", "temperature", "impulse")
 """Histories that are compared with the reference's."""
 
 
+def _of_balances() -> Iterator[Variable]:
+    """Yield the residuals of balances."""
+    for name, meaning, comment in (
+        ("energy_residual", "residual of the mechanical energy balance, relative to the largest energy", _ENERGY),
+        ("heat_residual", "residual of the heat balance, relative to the heat turned over", _HEAT),
+    ):
+        defined: Any = {"signed": True, "may_be_undefined": True, "comment": comment}
+        yield Variable(name, "1", meaning, "metric", "scheme", "balances", **defined)
+
+
 def _errors(name: str) -> Iterator[Variable]:
     """Yield the error of a history against the reference, and its two parts."""
     for part, meaning, comment in (
@@ -442,14 +452,9 @@ TABLE = (
         "share of initial states and constant loads that the reduced basis cannot hold",
         comment=_PROJECTION,
     ),
-    Variable(
-        "mechanical_modes_used",
-        "1",
-        "mechanical vectors of the case's reduced model beside the tip's own",
-        condition="auto",
-    ),
-    Variable(
-        "thermal_modes_used", "1", "thermal vectors of the case's reduced model beside the tip's own", condition="auto"
+    *(
+        Variable(f"{kind}_modes_used", "1", f"{kind} vectors beside the tip's own in a reduced model", condition="auto")
+        for kind in ("mechanical", "thermal")
     ),
     Variable(
         "basis_error",
@@ -467,26 +472,7 @@ TABLE = (
         comment=_PROCESSOR_TIME,
     ),
     Variable("batch_width", "1", "number of cases in the batch that the case ran in", comment=_BATCH_WIDTH),
-    Variable(
-        "energy_residual",
-        "1",
-        "residual of the mechanical energy balance, relative to the largest energy",
-        origin="scheme",
-        condition="balances",
-        signed=True,
-        may_be_undefined=True,
-        comment=_ENERGY,
-    ),
-    Variable(
-        "heat_residual",
-        "1",
-        "residual of the heat balance, relative to the heat turned over",
-        origin="scheme",
-        condition="balances",
-        signed=True,
-        may_be_undefined=True,
-        comment=_HEAT,
-    ),
+    *_of_balances(),
     *(part for name in COMPARED for part in _errors(name)),
     Variable(
         "reference_basis_error",

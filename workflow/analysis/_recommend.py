@@ -106,8 +106,6 @@ class Recommendation:
     where none is within it."""
     next: Choice | None
     """The dearest that is cheaper, with an error in all cases if one has; without a choice the nearest."""
-    alike: tuple[Choice, ...]
-    """The others among which the choice is the most accurate. Largest step first, then fewest modes."""
     cases: int
     """Number of cases of the scene."""
     undecidable: tuple[dict[str, Any], ...]
@@ -161,7 +159,8 @@ def _recommended(table: Table, share: float) -> Recommendation:
     rank = np.argsort(table.cost, kind="stable")
     good = [int(k) for k in rank if within[k].all()]
     least = table.cost[good[0]] if good else np.inf
-    alike = sorted((k for k in good if table.cost[k] <= (1 + SPREAD) * least), key=lambda k: _largest(table.error[k]))
+    affordable = (k for k in good if table.cost[k] <= (1 + SPREAD) * least)
+    best = min(affordable, key=lambda k: _largest(table.error[k]), default=None)
     known = ~np.isnan(table.error).any(axis=1)
     cheaper = (int(k) for k in rank if table.cost[k] < least)
     nearest = max(cheaper, key=lambda k: (known[k], table.cost[k]), default=None)
@@ -171,9 +170,8 @@ def _recommended(table: Table, share: float) -> Recommendation:
     without = table.without(missing) if missing.any() and not good else None
     return Recommendation(
         share,
-        table.choice(alike[0], within[alike[0]]) if alike else None,
+        None if best is None else table.choice(best, within[best]),
         None if nearest is None else table.choice(nearest, within[nearest]),
-        _alike([table.choice(k, within[k]) for k in alike]),
         table.error.shape[1],
         table.unpredictable(DECIDABLE * share),
         coordinate_units(table.dataset),
@@ -200,17 +198,6 @@ def most_accurate(dataset: xr.Dataset, dims: Sequence[str]) -> list[Choice]:
     largest = np.array([_largest(errors) for errors in table.error])
     rows = [some[largest[some].argmin()] for some in numbers.reshape(math.prod(numbers.shape[: len(first)]), -1)]
     return [table.choice(int(row), table.error[row] <= tolerance) for row in rows]
-
-
-def _alike(choices: list[Choice]) -> tuple[Choice, ...]:
-    """Return choices but the first, largest step and fewest modes first; those that differ by an idle step are one."""
-    distinct: dict[tuple[Any, ...], Choice] = {}
-    for choice in choices:
-        idle = () if choice.step_matters else ("h",)
-        distinct.setdefault(tuple(sorted((k, v) for k, v in choice.settings.items() if k not in idle)), choice)
-    others = list(distinct.values())[1:]
-    others.sort(key=lambda one: (-one.settings.get("h", 0.0), sum(one.settings.get(name, 0) for name in MODES)))
-    return tuple(others)
 
 
 def _largest(errors: NDArray[np.float64]) -> float:

@@ -169,7 +169,6 @@ def recommendation_entries(recommendation: Recommendation) -> dict[str, Any]:
         **{name: getattr(chosen, name, None) for name in ("cost", "cost_per_second", "worst", "share")},
         "limited_by": None if chosen is None else chosen.worst.limited_by,
         "next": None if recommendation.next is None else _choice(recommendation.next),
-        "alike": [_choice(one) for one in recommendation.alike],
         "cases": recommendation.cases,
         "undecidable": recommendation.undecidable,
         "missing": recommendation.missing,

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from traceback import format_exception, walk_tb
+from types import FrameType
 from typing import Any
 
 from workflow.cli._terminal import print_error
@@ -72,39 +74,29 @@ def _to_be_mended(error: Exception) -> list[str]:
 
 def _tell_defect(error: Exception) -> int:
     """Print where this program, or a module from outside, failed."""
+    from workflow.registry import modules_from_outside
+
     if os.environ.get(TRACEBACK):
         for line in "".join(format_exception(error)).splitlines():
             print_error(line)
-    outside = _from_outside(error)
-    if outside is not None:
-        print_error(f"{outside}: {type(error).__name__}: {error}; it is no part of this program, correct it there")
+    modules = modules_from_outside()
+    if outside := _last_frame(error, lambda frame: frame.f_globals.get("__name__") in modules):
+        place = f"{outside[0]}, line {outside[1]}"
+        print_error(f"{place}: {type(error).__name__}: {error}; it is no part of this program, correct it there")
         return WRONG
+    own = _last_frame(error, lambda frame: re.match(r"workflow\.(?!cli)", frame.f_globals.get("__name__", "")))
+    where = f" in {own[0].parent.name}/{own[0].name}, line {own[1]}" if own else ""
     print_error(
-        f"a defect of this program: {type(error).__name__}{_innermost(error)}: {error}; finished results stay where "
+        f"a defect of this program: {type(error).__name__}{where}: {error}; finished results stay where "
         f"they are. Please report it with the study and this line; {TRACEBACK}=1 in the environment shows the traceback"
     )
     return DEFECT
 
 
-def _innermost(error: BaseException) -> str:
-    """Return the file and line of this package that an error came through last."""
-    location = ""
-    for frame, line in walk_tb(error.__traceback__):
-        file = Path(frame.f_code.co_filename)
-        if "workflow" in file.parts and file.parent.name != "cli":
-            location = f" in {file.parent.name}/{file.name}, line {line}"
-    return location
-
-
-def _from_outside(error: BaseException) -> str | None:
-    """Return the file and line of a scheme, model or basis from outside that an error came through last."""
-    from workflow.registry import modules_from_outside
-
-    location, modules = None, modules_from_outside()
-    for frame, line in walk_tb(error.__traceback__):
-        if frame.f_globals.get("__name__") in modules:
-            location = f"{frame.f_code.co_filename}, line {line}"
-    return location
+def _last_frame(error: BaseException, is_meant: Callable[[FrameType], object]) -> tuple[Path, int] | None:
+    """Return the file and line of the last of some frames that an error came through."""
+    frames = [(frame, line) for frame, line in walk_tb(error.__traceback__) if is_meant(frame)]
+    return (Path(frames[-1][0].f_code.co_filename), frames[-1][1]) if frames else None
 
 
 @contextmanager
