@@ -122,8 +122,8 @@ def cut_finely(patch: pytest.MonkeyPatch, cases: int | None = None) -> None:
 def judged_within_rounding(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Have an archive verified as one of the packages and code here, on another processor."""
     texts = provenance(path)
-    monkeypatch.setattr(_verify, "code_revision", lambda: texts["code_revision"])
-    monkeypatch.setattr(_verify, "versions", lambda: json.loads(texts["versions"]))
+    monkeypatch.setattr(_verify.archive, "code_revision", lambda: texts["code_revision"])
+    monkeypatch.setattr(_verify.archive, "versions", lambda: json.loads(texts["versions"]))
     monkeypatch.setattr(_verify, "is_pinned", lambda: False)
 
 

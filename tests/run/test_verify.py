@@ -100,7 +100,7 @@ def test_what_other_versions_made_is_repeated_and_not_judged(copied: Path, monke
     edit("contact_impulse", (0, 1, 1), lambda x: 2 * x)(copied)
     resealed(copied)
     assert wrong(copied) == {"sample"}
-    monkeypatch.setattr(_verify, "versions", lambda: {**_provenance.versions(), "numpy": "0.1"})
+    monkeypatch.setattr(_verify.archive, "versions", lambda: {**_provenance.versions(), "numpy": "0.1"})
     status, text = told("verify", copied, "--sample", "18")
     assert status == 0
     assert re.search(r"^  versions not judged: numpy [0-9.]+, here 0\.1$", text, re.MULTILINE)
@@ -121,7 +121,7 @@ def test_what_cannot_be_repeated_is_said_and_by_other_versions_not_judged(
     monkeypatch.setattr(_verify, "solve", lambda *_: {}["displacement"])
     [check] = [c for c in verify(whole) if not c.holds]
     assert (check.name, check.detail) == ("values", "cannot be compared: that ended with KeyError: 'displacement'")
-    monkeypatch.setattr(_verify, "code_revision", lambda: "another")
+    monkeypatch.setattr(_verify.archive, "code_revision", lambda: "another")
     *_, last = verify(whole)
     assert (last.name, last.holds, last.judged) == ("values", True, False)
 
@@ -180,7 +180,7 @@ def test_a_value_edited_by_hand_is_noticed(copied: Path, editing: Callable[[Path
 def test_another_architecture_may_change_what_rounding_does_and_no_more(
     copied: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(_verify, "processor", lambda: "another one")
+    monkeypatch.setattr(_verify.archive, "processor", lambda: "another one")
     edit("contact_impulse", (0, 1, 1), lambda x: x * (1 + 1e-13))(copied)
     resealed(copied)
     [*_, last] = verify(copied, 18)
@@ -195,7 +195,9 @@ def test_another_architecture_may_change_what_rounding_does_and_no_more(
 def test_another_processor_of_the_same_architecture_changes_no_bit(
     copied: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(_verify, "processor", lambda: f"{provenance(copied)['processor'].split()[0]} another one")
+    monkeypatch.setattr(
+        _verify.archive, "processor", lambda: f"{provenance(copied)['processor'].split()[0]} another one"
+    )
     [*_, last] = verify(copied, 18)
     assert (last.holds, last.detail) == (True, "18 cases run again, the same bit for bit")
     edit("contact_impulse", (0, 1, 1), lambda x: np.nextafter(x, 1))(copied)
@@ -214,7 +216,7 @@ def test_errors_that_decided_counts_of_modes_are_compared_elsewhere(
     run_study(quick(axes, scene={"chain.nodes": 4}, reference=reference), archive)
     with h5py.File(archive) as file:
         assert {"basis_error", "reference_basis_error"} < set(file)
-    monkeypatch.setattr(_verify, "processor", lambda: "another one")
+    monkeypatch.setattr(_verify.archive, "processor", lambda: "another one")
     edit("contact_impulse", (0,), lambda x: x * (1 + 1e-13))(archive)
     resealed(archive)
     assert wrong(archive) == set()
@@ -239,7 +241,7 @@ def test_a_case_without_digits_says_so(tmp_path: Path, monkeypatch: pytest.Monke
     archive = tmp_path / "chaos.nc"
     text = CHAOS.replace("FREQUENCY", "900 Hz").replace("DURATION", "0.3 s") + "output: {interval: 1 ms}\n"
     run_study(parsed(text), archive)
-    monkeypatch.setattr(_verify, "processor", lambda: "another one")
+    monkeypatch.setattr(_verify.archive, "processor", lambda: "another one")
     with netCDF4.Dataset(archive, "a") as file:
         file["displacement"][-1] = 0.5 * file["displacement"][-1]
     resealed(archive)

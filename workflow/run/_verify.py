@@ -11,23 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.archive import (
-    COPIED,
-    LEFT_OUT,
-    ArchiveError,
-    code_revision,
-    content_hash,
-    grid_of,
-    is_whole,
-    json_in,
-    open_archive,
-    processor,
-    provenance,
-    stored_hashes,
-    study_key,
-    truncated_message,
-    versions,
-)
+from workflow import archive
 from workflow.cases import ChosenModes, Grid, Perturbation, arrange, case_hashes
 from workflow.pinning import is_pinned
 from workflow.plan import template
@@ -103,11 +87,11 @@ def verify(path: Path, sample: int = SAMPLE) -> Iterator[Check]:
     ArchiveError
         There is no such archive, or it cannot be read.
     """
-    whole = is_whole(path)
+    whole = archive.is_whole(path)
     yield Check("bytes", whole, "those that were written" if whole else "some have changed since the file was written")
     if not whole:
         return  # its values may crash the process that reads them
-    texts = provenance(path)
+    texts = archive.provenance(path)
     yield _content(path, texts)
     other = _other_versions(texts)
     yield Check("versions", True, "; ".join(other) or "of packages and code are those here", judged=not other)
@@ -118,7 +102,7 @@ def verify(path: Path, sample: int = SAMPLE) -> Iterator[Check]:
 def _run_again(path: Path, texts: dict[str, str], sample: int, *, other_versions: bool) -> Iterator[Check]:
     """Compare an archive with what its study gives here; hashes and choices with those of the same versions only."""
     try:
-        grid = grid_of(texts)
+        grid = archive.grid_of(texts)
     except (StudyError, LookupError, ValueError, TypeError, AttributeError) as error:
         yield Check("study", False, f"cannot be read from the archive: {error}")
         return
@@ -135,8 +119,8 @@ def _run_again(path: Path, texts: dict[str, str], sample: int, *, other_versions
 
 def _content(path: Path, texts: dict[str, str]) -> Check:
     try:
-        digest = content_hash(path)
-    except ArchiveError as error:
+        digest = archive.content_hash(path)
+    except archive.ArchiveError as error:
         return Check("content", False, str(error))
     holds = digest == texts.get("content_hash")
     return Check("content", holds, f"hash {digest[:16]}" + ("" if holds else f" is not {texts.get('content_hash')}"))
@@ -145,7 +129,7 @@ def _content(path: Path, texts: dict[str, str]) -> Check:
 def _identity(path: Path, grid: Grid, texts: dict[str, str]) -> Check:
     """Compare study, coordinates and the hashes of all cases with what the archive's own study gives."""
     hashes = case_hashes(grid)
-    with open_archive(path) as dataset:
+    with archive.open_archive(path) as dataset:
         wrong = [
             str(name)
             for name, values in template(grid).coords.items()
@@ -153,9 +137,9 @@ def _identity(path: Path, grid: Grid, texts: dict[str, str]) -> Check:
         ]
     if wrong:
         return Check("cases", False, f"other coordinates than the study gives: {', '.join(wrong)}")
-    if texts.get("key") != study_key(grid.study):
+    if texts.get("key") != archive.study_key(grid.study):
         return Check("cases", False, "the study in the archive is not the one it was made from")
-    stored = stored_hashes(path)
+    stored = archive.stored_hashes(path)
     others = np.any(stored != hashes, axis=1)
     if others.any():
         return Check("cases", False, f"{np.sum(others)} of {len(hashes)} are not those of the study")
@@ -189,7 +173,7 @@ def _repeat(path: Path, grid: Grid, texts: dict[str, str], sample: int, other: l
     blurred: list[str] = []
     numbers = _sample(path, grid, texts, sample)
     with (
-        open_archive(path) as dataset,
+        archive.open_archive(path) as dataset,
         threadpool_limits(limits=1, user_api="blas"),
         np.errstate(over="ignore", invalid="ignore"),
     ):
@@ -200,7 +184,7 @@ def _repeat(path: Path, grid: Grid, texts: dict[str, str], sample: int, other: l
                 continue
             stored = {name: case[name].values[np.newaxis] for name in dtypes if name in case}
             where = labels_of_case(dataset, number) or "the case"
-            names = set(stored) - LEFT_OUT
+            names = set(stored) - archive.LEFT_OUT
             again = {n: solved.values[n][k : k + 1].astype(dtype) for n, dtype in dtypes.items() if n in names}
             unlike = list(differences(stored, again))
             if unlike and (other or grid.study.branch is not None):
@@ -209,7 +193,7 @@ def _repeat(path: Path, grid: Grid, texts: dict[str, str], sample: int, other: l
                 lost = without_digits(again, allowed)
                 blurred += [f"{where} ({', '.join(lost)})"] if lost else []
             differ += [f"{where}: {text}" for text in unlike]
-            kept, message = str(case["message"].item()), truncated_message(solved.messages.get(k, ""))
+            kept, message = str(case["message"].item()), archive.truncated_message(solved.messages.get(k, ""))
             if kept != message and not other:
                 differ.append(f"{where}: message {kept!r} stored, {message!r} now")
     again_text = f"{len(numbers)} {'cases' if grid.points == 1 else 'lines of the sweep'} run again"
@@ -240,8 +224,8 @@ def _solved_again(grid: Grid, numbers: list[int]) -> Iterator[tuple[int, int, in
 def _other_versions(texts: dict[str, str]) -> list[str]:
     """Return the packages and the code that made an archive, where they are not those here."""
     made = {"solver": texts.get("solver_version", "none"), "code": texts.get("code_revision", "")[:12]}
-    here = {"solver": str(SOLVER_VERSION), "code": code_revision()[:12]}
-    made, here = made | json_in(texts, "versions"), here | versions()
+    here = {"solver": str(SOLVER_VERSION), "code": archive.code_revision()[:12]}
+    made, here = made | archive.json_in(texts, "versions"), here | archive.versions()
     names = [name for name in made | here if made.get(name) != here.get(name)]
     other = [f"{name} {made.get(name, 'none')}, here {here.get(name, 'none')}" for name in names]
     return other + (["some cases by others"] if {"code_revision", "versions"} & _origins(texts) else [])
@@ -253,7 +237,7 @@ def _other_arithmetic(texts: dict[str, str]) -> list[str]:
     Of processors it is the architecture alone where both computed with :func:`workflow.pin`: see ``tests/portability``.
     """
     other = []
-    if texts.get("processor", "").split(" ")[0] != processor().split(" ")[0]:
+    if texts.get("processor", "").split(" ")[0] != archive.processor().split(" ")[0]:
         other.append("architecture")
     if texts.get("pinned") != "true" or not is_pinned():
         other.append("linear algebra")
@@ -262,7 +246,7 @@ def _other_arithmetic(texts: dict[str, str]) -> list[str]:
 
 def _origins(texts: dict[str, str]) -> set[str]:
     """Return in what some cases of an archive were run otherwise than those that came last."""
-    return set(filter(None, texts.get(COPIED, "").split(", ")))
+    return set(filter(None, texts.get(archive.COPIED, "").split(", ")))
 
 
 def _sample(path: Path, grid: Grid, texts: dict[str, str], count: int) -> list[int]:
@@ -272,7 +256,7 @@ def _sample(path: Path, grid: Grid, texts: dict[str, str], count: int) -> list[i
     again: a machine was to blame, say.
     """
     random = np.random.default_rng(int(texts.get("content_hash", "0")[:16], 16))
-    with open_archive(path) as dataset:
+    with archive.open_archive(path) as dataset:
         status = dataset["status"].values.ravel()
     order = random.permutation(np.flatnonzero(status != Status.FAILED))
     kinds: dict[tuple[str, int], int] = {}
