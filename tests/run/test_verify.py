@@ -133,7 +133,7 @@ def test_cases_of_other_software_in_an_unfinished_run_are_not_judged(
     for begun_by in ("another", revision):  # what another began stays known
         with monkeypatch.context() as patch:
             patch.setattr(_provenance, "code_revision", lambda begun_by=begun_by: begun_by)
-            patch.setattr(_study, "gather", lambda *_: (_ for _ in ()).throw(ArchiveError("stopped")))
+            patch.setattr(_study.archive, "gather", lambda *_: (_ for _ in ()).throw(ArchiveError("stopped")))
             with pytest.raises(ArchiveError, match="stopped"):
                 run_study(STUDY, archive)
     run_study(STUDY, archive)

@@ -15,18 +15,7 @@ from typing import cast
 
 import numpy as np
 
-from workflow.archive import (
-    gather,
-    parts_of,
-    provenance,
-    read_command,
-    remove_parts,
-    replaceable,
-    require_whole,
-    run_lock,
-    statuses,
-    study_key,
-)
+from workflow import archive
 from workflow.cases import CASES, GATHERING, arrange, read_choices, waiting_for
 from workflow.kernels.compiled import Deferred
 from workflow.kernels.lemke import solve_one
@@ -141,24 +130,24 @@ def run_study(
     return _run(study, archive, resources, reuse, progress if callable(progress) else lambda advance: None)
 
 
-def _run(study: Study, archive: Path, resources: Resources, reuse: Reuse, progress: Progress) -> Outcome:
+def _run(study: Study, path: Path, resources: Resources, reuse: Reuse, progress: Progress) -> Outcome:
     """Run what is missing of a study, as :func:`run_study`."""
     begun = time.perf_counter()
-    parts = parts_of(archive)
-    if archive.exists() and not _has_work(study, archive, reuse):
-        return replace(summarise(archive, None), seconds=time.perf_counter() - begun)
-    replaceable(archive)
+    parts = archive.parts_of(path)
+    if path.exists() and not _has_work(study, path, reuse):
+        return replace(summarise(path, None), seconds=time.perf_counter() - begun)
+    archive.replaceable(path)
     _ = cast(Deferred, solve_one).dispatcher  # what stops numba stops every case
-    earlier = read_command(parts)
-    same = earlier if earlier is not None and earlier.key == study_key(study) else None
+    earlier = archive.read_command(parts)
+    same = earlier if earlier is not None and earlier.key == archive.study_key(study) else None
     grid = arrange(study, None if same is None else read_choices(same.texts.get("choices", "{}")))
     require_memory(grid, resources.computing)
     with (
         _runner(resources) as run_tasks,
-        run_lock(parts),
+        archive.run_lock(parts),
         compiled_ahead(kernel_variants(grid) if resources.here and resources.computing > 1 else []),
     ):
-        prepared = prepare(grid, archive, reuse, resources.here)
+        prepared = prepare(grid, path, reuse, resources.here)
         job, missing = prepared.job, prepared.missing
         counter = _counter(prepared, begun, progress)
         Thread(target=import_module, args=("xarray",), daemon=True).start()  # what comes after cases begins beside them
@@ -175,22 +164,22 @@ def _run(study: Study, archive: Path, resources: Resources, reuse: Reuse, progre
         }
         with waiting_for(GATHERING):
             texts = {**prepared.texts, "run": json.dumps(record)}
-            gather(job.template, texts, parts, archive, prepared.hashes, prepared.stored())
-        remove_parts(parts)
-    return replace(summarise(archive, int(np.sum(~missing))), seconds=time.perf_counter() - begun)
+            archive.gather(job.template, texts, parts, path, prepared.hashes, prepared.stored())
+        archive.remove_parts(parts)
+    return replace(summarise(path, int(np.sum(~missing))), seconds=time.perf_counter() - begun)
 
 
-def _has_work(study: Study, archive: Path, reuse: Reuse) -> bool:
+def _has_work(study: Study, path: Path, reuse: Reuse) -> bool:
     """Tell whether a run changes an archive: it holds another state of the study, or some cases are run again."""
     if not reuse.recompute:
-        require_whole(archive)
-    texts = provenance(archive)
-    held = check_name(study, archive, texts)
-    if reuse.recompute or parts_of(archive).exists() or texts.get("key") != study_key(study):
+        archive.require_whole(path)
+    texts = archive.provenance(path)
+    held = check_name(study, path, texts)
+    if reuse.recompute or archive.parts_of(path).exists() or texts.get("key") != archive.study_key(study):
         return True
     if (held.get("title"), held.get("license", "")) != (study.title, study.license):
         return True
-    return reuse.retry and bool(np.any(statuses(archive) != Status.OK))
+    return reuse.retry and bool(np.any(archive.statuses(path) != Status.OK))
 
 
 def _counter(prepared: Prepared, begun: float, progress: Progress) -> ProgressCounter:
