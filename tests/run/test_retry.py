@@ -130,7 +130,7 @@ def test_shards_of_a_run_that_was_killed_before_it_removed_them_are_not_taken_ag
         raise SystemExit(9)
 
     with monkeypatch.context() as patch:
-        patch.setattr(studying, "remove_parts", killed)
+        patch.setattr(studying.archive, "remove_parts", killed)
         with pytest.raises(SystemExit):
             run_study(quick(), archive, **again)  # type: ignore[arg-type]
     assert list(parts_of(archive).glob("*.shard"))
