@@ -51,13 +51,56 @@ def contact_system(
     ``closed`` is 0 for an open contact, 1 for a closed one, 2 where it crushes a coating of a ``hardening`` [N/m],
     ``(contact,)``.
     """
-    S = np.flatnonzero(closed)
-    if not basis.contacts.is_compliant:
-        return _with_mass(basis, S, alpha, friction)
-    compliance = basis.contacts.compliance(friction)[np.ix_(S, S)]
-    crushing = np.flatnonzero(closed[S] == 2)
-    compliance[crushing, crushing] += 1 / hardening if crushing.size else 0.0
-    return _compliant(basis, S, alpha, friction, compliance)
+    contacts, S = basis.contacts, np.flatnonzero(closed)
+    n, heats, m = basis.frequency.size, basis.rate.size, contacts.count
+    push, lift = (friction * basis.tangent - basis.normal)[S].T, np.zeros((n, S.size))
+    try:
+        if contacts.is_compliant:
+            compliance = contacts.compliance(friction)[np.ix_(S, S)]
+            crushing = np.flatnonzero(closed[S] == 2)
+            compliance[crushing, crushing] += 1 / hardening if crushing.size else 0.0
+            inverse = np.linalg.inv(compliance)  # Q
+            null, still = _turned(basis, S)
+            squares = (basis.frequency @ null) ** 2
+        else:
+            inverse = np.linalg.inv(-basis.normal[S] @ push)  # D⁻¹
+            lift = basis.normal[S].T @ np.linalg.inv(basis.normal[S] @ basis.normal[S].T)  # P
+            null, squares = _constrained(basis, S)
+            still, push = null.shape[1], friction * basis.tangent[S].T  # w Z = 0
+    except np.linalg.LinAlgError:
+        return None
+    modes = null.shape[1]
+    z, u, tau = slice(0, modes), slice(modes, 2 * modes), slice(2 * modes, 2 * modes + heats)
+    F, size = n + heats, 2 * modes + heats
+    d, rate, bend = (F + 1 + k * m + S for k in range(3))
+    C = np.diag(basis.damping) if basis.damping_matrix is None else basis.damping_matrix
+    moved, given = np.zeros((n, size)), np.zeros((n, basis.inputs))  # y'' without forces per [z, z', τ], per input
+    moved[:, z], moved[:, u], moved[:, tau] = -(basis.frequency[:, None] ** 2) * null, -C @ null, -basis.coupling
+    given[:, :n], given[:, F] = np.eye(n), basis.load
+    given[:, d], given[:, rate] = -(basis.frequency[:, None] ** 2) * lift, -C @ lift
+    depth, depth_inputs = np.zeros((m, size)), np.zeros((m, basis.inputs))  # x_i - d_i without forces
+    depth[:, z], depth[:, tau] = basis.normal @ null, -basis.residual_coupling
+    depth[S, :still] = 0.0
+    depth_inputs[:, F], depth_inputs[:, d] = basis.residual_load, basis.normal @ lift
+    depth_inputs[:, F + 1 : F + 1 + m] -= np.eye(m)
+    if contacts.is_compliant:
+        force, force_inputs = inverse @ depth[S], inverse @ depth_inputs[S]
+    else:
+        force, force_inputs = inverse @ basis.normal[S] @ moved, inverse @ basis.normal[S] @ given
+        force_inputs[:, bend] -= inverse
+    A, B = np.zeros((size, size)), np.zeros((size, basis.inputs))
+    A[z, u], A[u], A[tau, tau] = np.eye(modes), null.T @ moved, -np.diag(basis.rate)
+    A[u, z], A[u, u] = -np.diag(squares), _without_rounding(A[u, u])
+    B[u], B[tau, n:F] = null.T @ given, np.eye(heats)
+    for rows, acts in ((u, null.T @ push), (tau, alpha * basis.heat[S].T)):
+        A[rows] += acts @ force
+        B[rows] += acts @ force_inputs
+    flexibility = contacts.flexibility(friction)[:, S]
+    signals, inputs = flexibility @ force - depth, flexibility @ force_inputs - depth_inputs
+    signals[S], inputs[S] = force, force_inputs
+    place = np.zeros((m, n))
+    place[S] = lift.T
+    return ContactSystem(A, B, signals, inputs, null, place)
 
 
 def _turned(basis: ContactBasis, S: Any) -> tuple[Array, int]:
@@ -92,86 +135,3 @@ def _without_rounding(matrix: Array) -> Array:
     diagonal = np.diag(np.diag(matrix))
     is_rounding = np.abs(matrix - diagonal).max(initial=0.0) <= _RIGID * np.abs(diagonal).max(initial=0.0)
     return diagonal if is_rounding else matrix
-
-
-def _with_mass(basis: ContactBasis, S: Any, alpha: float, friction: float) -> ContactSystem | None:
-    W, T = basis.normal[S], basis.tangent[S]
-    n, heats, m = basis.frequency.size, basis.rate.size, basis.contacts.count
-    null, squares = _constrained(basis, S)
-    modes = null.shape[1]
-    try:
-        inverse_delassus = np.linalg.inv(W @ (W - friction * T).T)
-        lift = W.T @ np.linalg.inv(W @ W.T)  # P
-    except np.linalg.LinAlgError:
-        return None
-    C = np.diag(basis.damping) if basis.damping_matrix is None else basis.damping_matrix
-    K = basis.frequency**2
-    z, u, tau = slice(0, modes), slice(modes, 2 * modes), slice(2 * modes, 2 * modes + heats)
-    size = 2 * modes + heats
-    moved = np.zeros((n, size))  # g-free acceleration per [z, z', τ]
-    moved[:, z], moved[:, u], moved[:, tau] = -K[:, None] * null, -C @ null, -basis.coupling
-    given = np.zeros((n, basis.inputs))  # … per input
-    F = n + heats
-    d, rate, bend = (F + 1 + k * m + S for k in range(3))
-    given[:, :n], given[:, F] = np.eye(n), basis.load
-    given[:, d], given[:, rate] = -K[:, None] * lift, -C @ lift
-    force, force_inputs = inverse_delassus @ W @ moved, inverse_delassus @ W @ given
-    force_inputs[:, bend] -= inverse_delassus
-    A, B = np.zeros((size, size)), np.zeros((size, given.shape[1]))
-    A[z, u] = np.eye(modes)
-    slides = friction * (null.T @ T.T)
-    A[u] = null.T @ moved
-    A[u, z], A[u, u] = -np.diag(squares), _without_rounding(A[u, u])
-    A[u] += slides @ force
-    B[u] = null.T @ given + slides @ force_inputs
-    A[tau, tau] = -np.diag(basis.rate)
-    B[tau, n : n + heats] = np.eye(heats)
-    A[tau] += alpha * basis.heat[S].T @ force
-    B[tau] += alpha * basis.heat[S].T @ force_inputs
-    signals, inputs = np.zeros((m, size)), np.zeros((m, given.shape[1]))
-    signals[S], inputs[S] = force, force_inputs
-    others = np.delete(np.arange(m), S)
-    signals[others, z] = -basis.normal[others] @ null
-    inputs[others, F + 1 + others] = 1.0
-    inputs[others[:, None], d] = -basis.normal[others] @ lift
-    place = np.zeros((m, n))
-    place[S] = lift.T
-    return ContactSystem(A, B, signals, inputs, null, place)
-
-
-def _compliant(basis: ContactBasis, S: Any, alpha: float, friction: float, compliance: Array) -> ContactSystem | None:
-    n, heats, m = basis.frequency.size, basis.rate.size, basis.contacts.count
-    flexibility = basis.contacts.flexibility(friction)
-    try:
-        stiffness = np.linalg.inv(compliance)  # Q
-    except np.linalg.LinAlgError:
-        return None
-    size, F = basis.size, n + heats
-    z, u, tau = slice(0, n), slice(n, 2 * n), slice(2 * n, size)
-    modes, still = _turned(basis, S)
-    normal = basis.normal @ modes
-    normal[S, :still] = 0.0
-    place, place_inputs = np.zeros((m, size)), np.zeros((m, basis.inputs))  # x_i without forces
-    place[:, z], place[:, tau] = normal, -basis.residual_coupling
-    place_inputs[:, F] = basis.residual_load
-    depth_inputs = place_inputs.copy()
-    depth_inputs[:, F + 1 : F + 1 + m] -= np.eye(m)
-    force, force_inputs = stiffness @ place[S], stiffness @ depth_inputs[S]
-    push = -modes.T @ (basis.normal[S] - friction * basis.tangent[S]).T
-    A, B = np.zeros((size, size)), np.zeros((size, basis.inputs))
-    A[z, u] = np.eye(n)
-    A[u, z] = -np.diag((basis.frequency @ modes) ** 2)
-    C = np.diag(basis.damping) if basis.damping_matrix is None else basis.damping_matrix
-    A[u, u] = -_without_rounding(modes.T @ C @ modes)
-    A[u, tau] = -modes.T @ basis.coupling
-    A[tau, tau] = -np.diag(basis.rate)
-    B[u, :n], B[u, F], B[tau, n : n + heats] = modes.T, modes.T @ basis.load, np.eye(heats)
-    A[u] += push @ force
-    B[u] += push @ force_inputs
-    A[tau] += alpha * basis.heat[S].T @ force
-    B[tau] += alpha * basis.heat[S].T @ force_inputs
-    signals, inputs = -place, -depth_inputs
-    signals += flexibility[:, S] @ force
-    inputs += flexibility[:, S] @ force_inputs
-    signals[S], inputs[S] = force, force_inputs
-    return ContactSystem(A, B, signals, inputs, modes, np.zeros((m, n)))
