@@ -10,7 +10,7 @@ from contacts.random_contacts import random_entries
 from scenes import cases_of_file, of_entries
 from workflow.models import Array, Cases, Structure
 from workflow.orbits import BIFURCATIONS, STATES, Options, branch, steady_rubs
-from workflow.orbits._flow import AnalysedStructure, Flow
+from workflow.orbits._flow import Flow, analysed
 from workflow.orbits._orbit import Orbit, scale_of
 from workflow.orbits._settle import settle
 
@@ -26,7 +26,7 @@ def oscillators(count: int, **entries: Any) -> Structure:
 
 
 def orbit_of(structure: Structure, batch: Cases) -> Orbit:
-    found = settle(Flow(AnalysedStructure(structure), batch), Options()).orbit
+    found = settle(Flow(analysed(structure), batch), Options()).orbit
     assert found is not None
     return found
 
@@ -232,7 +232,7 @@ def test_random_structures_settle_where_their_transients_do(first: int) -> None:
     settled = 0
     for seed in range(first, first + 12):
         structure, batch = random_rub(seed)
-        flow = Flow(AnalysedStructure(structure), batch)
+        flow = Flow(analysed(structure), batch)
         orbit, last = settle(flow, Options()).orbit, flow.march(flow.start, flow.all_open, 0.0, 3000 * flow.period)
         if last.failure:
             continue

@@ -69,11 +69,11 @@ def miss(boundary: _Boundary, spot: _Spot, which: int, ranges: tuple[Any, Any]) 
     curve.problem = lambda value: boundary.problem(*(value if k == which else both[k] for k in (0, 1)))
     curve.start, curve.stop = both[which] - near, both[which] + near
     u = np.append(spot.U[: boundary.w.size + boundary.events], 0.5)
-    residual = curve.residual_at(u, spot.frame)
+    residual = curve.residual_at(u, spot.residual.frame)
     assert residual is not None
-    slope = curve._slopes(u, spot.frame, residual)[0]
+    slope = curve._slopes(residual)[0]
     along = np.linalg.svd(np.column_stack([residual.matrix, slope]))[2][-1]
-    point = curve._point(u, spot.frame, residual, along)
+    point = curve._point(residual, along)
     assert point is not None
     for length, side in product(0.02 * 4.0 ** -np.arange(5), (-1, 1)):
         beside = curve.step(point, side * length)

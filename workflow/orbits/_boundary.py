@@ -34,9 +34,8 @@ from workflow.orbits._branch import (
     order_of_events,
     spread,
 )
-from workflow.orbits._curve import Curve, Frame, Residual, frame_of, section_beside, turned
-from workflow.orbits._orbit import Orbit, has_converged
-from workflow.schemes.event_driven import Trajectory
+from workflow.orbits._curve import Curve, Residual, section_beside, turned
+from workflow.orbits._orbit import has_converged
 
 Pair = Callable[[float, float], tuple[Structure, Cases]]
 """Structure and one case at values of the branched parameter and of another number."""
@@ -94,14 +93,21 @@ class Number(NamedTuple):
     change: float
 
 
+class _Solved(NamedTuple):
+    """An orbit at U = (w, times, [θ], q₁, q₂), and the values of all conditions of a boundary."""
+
+    U: Array
+    residual: Residual
+    values: Array
+
+
 class _Spot(NamedTuple):
-    """An orbit on a boundary: U = (w, times, [θ], q₁, q₂)."""
+    """An orbit on a boundary."""
 
     U: Array
     residual: Residual
     slopes: Array
     """Derivatives of all conditions, ``(unknown - 1, unknown)``."""
-    frame: Frame
     grazing: int | None
     """Event that grazes."""
     borders: tuple[Array, Array] | None
@@ -117,14 +123,14 @@ class _Boundary:
     def __init__(self, curve: Curve, problem: Pair, low: float, high: float, place: Place, q2: float):
         self.curve, self.problem, self.low, self.high = copy(curve), problem, low, high
         point, self.kind, self.grazing = place.point, place.flag, None
-        self.frame, self.w = frame_of(point), point.w
+        self.frame, self.w = point.frame, point.w
         self.angles = np.zeros(0)
         if self.kind == TORUS:
             multipliers = point.orbit.multipliers
             beside = np.where(multipliers.imag > 0, np.abs(np.abs(multipliers) - 1), np.inf)
             self.angles = np.angle(multipliers[[np.argmin(beside)]])
         if self.kind == GRAZING:
-            self.grazing = int(np.argmin(np.abs(point.approach)))
+            self.grazing = int(np.argmin(np.abs(point.residual.approach)))
         self.start = np.concatenate([self.w, point.times, self.angles, [point.q, q2]])
         self.events = point.times.size
         self.borders: tuple[Array, Array] | None = None
@@ -162,24 +168,26 @@ class _Boundary:
         b = np.linalg.solve(whole, np.eye(size + 1)[size])[size]
         return np.array([b.real, b.imag / np.sin(U[-3])]) if self.kind == TORUS else np.array([b])
 
-    def values(self, U: Array) -> tuple[Residual, Array] | None:
-        """Return the residual and the values of all conditions."""
-        residual = self.residual(U)
-        return residual and (residual, np.concatenate([residual.values, self.condition(residual, U)]))
+    def values(self, U: Array, known: Residual | None = None) -> _Solved | None:
+        """Return the values of all conditions, of a residual that is ``known``; ``None`` where there is no orbit."""
+        residual = known or self.residual(U)
+        if residual is None:
+            return None
+        return _Solved(U, residual, np.concatenate([residual.values, self.condition(residual, U)]))
 
-    def slopes(self, U: Array, values: Array) -> Array | None:
+    def slopes(self, found: _Solved) -> Array | None:
         """Return the derivatives of all conditions by differences, of q₁ and q₂ to the inside of their ranges."""
-        columns = []
+        U, columns = found.U, []
         for k in range(U.size):
             inside = np.copysign(_DIFFERENCE, 0.5 - U[k]) if k >= U.size - 2 else _DIFFERENCE
             beside = self.values(U + inside * (np.arange(U.size) == k))
             if beside is None:
                 return None
-            columns.append((beside[1] - values) / inside)
+            columns.append((beside.values - found.values) / inside)
         return np.array(columns).T
 
-    def solve(self, guess: Array, row: Array, slopes: Array | None = None) -> tuple[Array, Residual, Array] | None:
-        """Return U in the plane through a guess across a row, its residual and the values of all conditions.
+    def solve(self, guess: Array, row: Array, slopes: Array | None = None) -> _Solved | None:
+        """Return the orbit in the plane through a guess across a row.
 
         Newton steps have one matrix, of the guess where none is given.
         """
@@ -188,17 +196,16 @@ class _Boundary:
             found = self.values(U)
             if found is None:
                 return None
-            residual, values = found
-            size = max(float(np.abs(values).max()), abs(float(row @ (U - guess))))
+            size = max(float(np.abs(found.values).max()), abs(float(row @ (U - guess))))
             if has_converged(size, last):
-                return U, residual, values
+                return found
             if not size < 10 * last:
                 return None
-            slopes = self.slopes(U, values) if slopes is None else slopes
+            slopes = self.slopes(found) if slopes is None else slopes
             if slopes is None:
                 return None
             try:
-                U = U - np.linalg.solve(np.vstack([slopes, row]), np.append(values, row @ (U - guess)))
+                U = U - np.linalg.solve(np.vstack([slopes, row]), np.append(found.values, row @ (U - guess)))
             except np.linalg.LinAlgError:
                 return None
             last = min(size, last)
@@ -206,13 +213,13 @@ class _Boundary:
                 return None
         return None
 
-    def spot(self, found: tuple[Array, Residual, Array] | None, along: Array, arclength: float = 0.0) -> _Spot | None:
+    def spot(self, found: _Solved | None, along: Array, arclength: float = 0.0) -> _Spot | None:
         """Return an orbit with the tangent of the boundary in the direction of a row, and new borders."""
         if found is None:
             return None
-        U, residual, _ = found
-        self.borders = None
-        slopes = self.slopes(U, np.concatenate([residual.values, self.condition(residual, U)]))
+        U, residual, self.borders = found.U, found.residual, None
+        bordered = self.values(U, residual)
+        slopes = None if bordered is None else self.slopes(bordered)
         if slopes is None:
             return None
         try:
@@ -222,24 +229,24 @@ class _Boundary:
         row, n = tangent.copy(), residual.flow.modes
         row[n : 2 * n] = row[self.w.size : -2] = 0.0
         length = np.sqrt(row @ tangent)
-        return _Spot(
-            U, residual, slopes, self.frame, self.grazing, self.borders, tangent / length, row / length, arclength
-        )
+        own = slopes, self.grazing, self.borders
+        return _Spot(U, residual, *own, tangent / length, row / length, arclength)
 
-    def step(self, here: _Spot, length: float) -> tuple[Array, Residual, Array] | None:
+    def step(self, here: _Spot, length: float) -> _Solved | None:
         """Return the orbit at a length along the tangent, in the plane across it."""
         return self.beside(here, here.U + length * here.tangent, here.row)
 
-    def beside(self, here: _Spot, guess: Array, row: Array) -> tuple[Array, Residual, Array] | None:
+    def beside(self, here: _Spot, guess: Array, row: Array) -> _Solved | None:
         """Return the orbit in the plane through a guess across a row."""
-        self.frame, self.grazing, self.borders = here.frame, here.grazing, here.borders
+        self.frame, self.grazing, self.borders = here.residual.frame, here.grazing, here.borders
         return self.solve(guess, row, here.slopes)
 
     def follow(self) -> tuple[list[_Spot], int]:
         """Return the boundary from its start to its end, and why it ends there."""
         inward = 1.0 if self.start[-1] < 0.5 else -1.0
-        here = self.spot(self.solve(self.start, _unit(self.start.size, -1)), inward * _unit(self.start.size, -1))
-        if here is None or not self.is_motion(here.U, here.residual):
+        first = self.solve(self.start, _unit(self.start.size, -1))
+        here = self.spot(first, inward * _unit(self.start.size, -1))
+        if first is None or here is None or not self.is_motion(first):
             return [], _NOT_FOLLOWED
         trail, step = [here], _FIRST
         while len(trail) < _MOST_STEPS and step > _LEAST:
@@ -251,11 +258,11 @@ class _Boundary:
                 guess, row = here.U + min(shares) * here.tangent, _unit(guess.size, bound)
                 guess[bound] = round(guess[bound])
             found = self.beside(here, guess, row)
-            if found is None or found[0][-2:].min() < -_SAME or found[0][-2:].max() > 1 + _SAME:
+            if found is None or found.U[-2:].min() < -_SAME or found.U[-2:].max() > 1 + _SAME:
                 step /= 2
                 continue
-            length = float(here.row @ (found[0] - here.U))
-            if not self.is_motion(found[0], found[1]):
+            length = float(here.row @ (found.U - here.U))
+            if not self.is_motion(found):
                 last, end = self.ending(here, found, length)
                 return trail + ([last] if last else []), end
             ahead = self.spot(found, here.row, here.arclength + length)
@@ -272,82 +279,68 @@ class _Boundary:
 
     def rephased(self, spot: _Spot) -> _Spot:
         """Return an orbit with its section moved to the middle of its longest stretch, if an event is near."""
-        times, N, word = spot.U[self.w.size : self.w.size + self.events], self.w.size, spot.frame.word
+        at, frame = self.w.size + self.events, spot.residual.frame
+        times = spot.U[self.w.size : at]
         later = section_beside(times)
-        if word is None or later is None:
+        if frame.word is None or later is None:
             return spot
-        ends = []
+        i, ends = int(np.sum(times <= later)), []
         for U in (spot.U, spot.U + _DIFFERENCE * spot.tangent):
             self.set_other(U[-1])
-            moved = self.curve.carried(
-                spot.frame, np.append(U[: N + self.events], U[-2]), int(np.sum(times <= later)), later
-            )
-            ends.append(np.concatenate([moved[:-1], U[N + self.events :]]))
-        i = int(np.sum(times <= later))
-        self.frame = turned(spot.frame, i, later, spot.frame.was_closed)
+            moved = self.curve.carried(frame, np.append(U[:at], U[-2]), i, later)
+            ends.append(np.concatenate([moved[:-1], U[at:]]))
+        self.frame = turned(frame, i, later, frame.was_closed)
         self.grazing = None if spot.grazing is None else (spot.grazing - i) % self.events
-        residual = self.residual(ends[0])
-        along = (ends[1] - ends[0]) / _DIFFERENCE
-        return (residual and self.spot((ends[0], residual, times), along, spot.arclength)) or spot
+        return self.spot(self.values(ends[0]), (ends[1] - ends[0]) / _DIFFERENCE, spot.arclength) or spot
 
-    def is_motion(self, U: Array, residual: Residual) -> bool:
+    def is_motion(self, found: _Solved) -> bool:
         """Tell whether the exact motion over kT is the orbit, and a complex multiplier is one."""
-        if self.kind == TORUS and not 0 < U[-3] < np.pi:
+        if self.kind == TORUS and not 0 < found.U[-3] < np.pi:
             return False
-        motion = residual.motion or self.motion(residual)
-        if residual.shot is not None:
-            return residual.shot.is_motion(motion, self.grazing)
-        orbit = Orbit(residual.flow, self.frame.order, motion, residual.D, 0.0)
-        return residual.flow.structure.contacts.is_compliant or order_of_events(orbit) == self.order
+        orbit, shot = found.residual.orbit, found.residual.shot
+        if shot is not None:
+            return shot.is_motion(orbit.motion, self.grazing)
+        return orbit.flow.structure.contacts.is_compliant or order_of_events(orbit) == self.order
 
-    def motion(self, residual: Residual) -> Trajectory:
-        """Return the exact motion over kT."""
-        flow, shot = residual.flow, residual.shot
-        assert shot is not None
-        return flow.march(shot.states[0], self.frame.was_closed, shot.begin, shot.span)
-
-    def ending(self, here: _Spot, beyond: tuple[Array, Residual, Array], length: float) -> tuple[_Spot | None, int]:
+    def ending(self, here: _Spot, beyond: _Solved, length: float) -> tuple[_Spot | None, int]:
         """Return the last orbit before one that is no motion, and why the boundary ends there."""
-        measure: Callable[[Array, Residual], float]
-        shot = beyond[1].shot
-        if self.kind == TORUS and not 0 < beyond[0][-3] < np.pi:
-            end, measure = _RESONANCE, lambda U, _: min(U[-3], np.pi - U[-3])
+        measure: Callable[[_Solved], float]
+        shot, known = beyond.residual.shot, dict[float, _Solved]()
+        if self.kind == TORUS and not 0 < beyond.U[-3] < np.pi:
+            end, measure = _RESONANCE, lambda each: min(each.U[-3], np.pi - each.U[-3])
         elif shot is None:
             return None, _NOT_FOLLOWED
         elif np.any(meet := (np.diff(shot.times) <= 0) & (np.diff(shot.word.contact) != 0)):
             times = slice(self.w.size, self.w.size + self.events)
-            end, measure = _CORNER, lambda U, _: float(np.diff(U[times])[meet].min())
+            end, measure = _CORNER, lambda each: float(np.diff(each.U[times])[meet].min())
         elif shot.slowest(self.grazing) <= 0:
-            end, measure = _GRAZES, lambda _, each: each.shot.slowest(self.grazing) if each.shot else np.nan
+            end, measure = _GRAZES, lambda each: each.residual.shot.slowest(self.grazing)  # type: ignore[union-attr]
         else:
-            new = shot.new_impact(self.motion(beyond[1]))
+            new = shot.new_impact(beyond.residual.orbit.motion)
             if new is None:
                 return None, _NOT_FOLLOWED
             stretch, contact, time = new
 
-            def least_gap(U: Array, each: Residual) -> float:
+            def least_gap(each: _Solved) -> float:
                 """Return the gap where its rate is 0, near the time of the impact beyond."""
-                assert each.shot is not None
-                own = each.shot
+                own = each.residual.shot
+                assert own is not None
                 at = float(newton(lambda share: own.flight(share, stretch, contact)[1], time, tol=1e-12))
                 return own.flight(at, stretch, contact)[0]
 
             end, measure = _GRAZES, least_gap
-        known: dict[float, tuple[Array, Residual, Array]] = {}
 
         def value(s: float) -> float:
             found = self.step(here, s)
-            if found is None:
-                return np.nan
-            known[s] = found
-            return float(measure(found[0], found[1]))
+            if found is not None:
+                known[s] = found
+            return np.nan if found is None else float(measure(found))
 
         try:
             at = float(brentq(value, 0.0, length, xtol=1e-13, rtol=1e-14))
         except (ValueError, RuntimeError):
             return None, _NOT_FOLLOWED
-        found = known.get(at) or self.step(here, at)
-        return self.spot(found, here.row, here.arclength + at), end
+        return self.spot(known.get(at) or self.step(here, at), here.row, here.arclength + at), end
 
     def spread(self, trail: list[_Spot], count: int) -> list[_Spot]:
         """Return orbits at equal arclength of both numbers, the first and the last of the trail among them.
@@ -363,8 +356,8 @@ class _Boundary:
             for arclength in np.interp(lengths, along, [spot.arclength for spot in known]).tolist():
                 near = min(trail, key=lambda spot: abs(spot.arclength - arclength))
                 between = self.step(near, arclength - near.arclength)
-                if between is not None and self.is_motion(between[0], between[1]):
-                    found.append(near._replace(U=between[0], residual=between[1], arclength=arclength))
+                if between is not None and self.is_motion(between):
+                    found.append(near._replace(U=between.U, residual=between.residual, arclength=arclength))
         return [trail[0], *found, trail[-1]]
 
     def multipliers(self, spot: _Spot) -> tuple[float, float]:
@@ -374,7 +367,7 @@ class _Boundary:
             word, times = shot.word.without(spot.grazing), np.delete(shot.times, spot.grazing)
             shot = shot.case.shoot(word, shot.states[0], shot.begin, shot.span, times)
             return np.nan, float(np.abs(eigenvalues(shot.derivative)).max(initial=0.0))
-        values = eigenvalues(spot.residual.D)
+        values = eigenvalues(spot.residual.orbit.D)
         angle = {FOLD: 0.0, PERIOD_DOUBLING: np.pi}.get(self.kind, float(spot.U[-3]) if self.kind == TORUS else 0.0)
         for own in {angle, -angle} if self.kind == TORUS else {angle}:
             values = np.delete(values, np.argmin(np.abs(values - np.exp(1j * own))))
@@ -415,48 +408,34 @@ def boundaries(
     ``first`` and ``last`` are the branches there, followed over the same range, ``heated`` where heat acts in either.
     The message is '' or says what is not stored or not followed.
     """
-    with one_thread():  # matrices are small
-        return _stored(problem, first, last, low, high, count)
-
-
-def _stored(
-    problem: Pair, first: Followed, last: Followed, low: float, high: float, count: int
-) -> tuple[Boundaries, str]:
-    starts = [
-        (followed.curve, place, q2) for followed, q2 in ((first, 0.0), (last, 1.0)) for place in _starts(followed)
-    ]
-    rows = np.full((4, MOST_CURVES, count), np.nan)
-    kinds, ends = np.zeros(MOST_CURVES, dtype=np.int8), np.zeros(MOST_CURVES, dtype=np.int8)
+    rows, ends = np.full((4, MOST_CURVES, count), np.nan), list[tuple[int, Array]]()
+    kinds, reasons = np.zeros((2, MOST_CURVES), dtype=np.int8)
     stored, left, said = 0, 0, list[str]()
-    while starts:
-        curve, place, q2 = starts.pop(0)
+    for curve, place, q2 in [(one.curve, place, q2) for q2, one in enumerate((first, last)) for place in _starts(one)]:
+        if any(_is_end(place.flag, place.point.q, q2, *each) for each in ends):
+            continue
         if stored == MOST_CURVES:
             left += 1
             continue
-        kinds[stored], trail, end = abs(place.flag), list[_Spot](), _NOT_FOLLOWED
-        own = [(place.point.q, q2)]
+        kinds[stored], reasons[stored], trail = abs(place.flag), _NOT_FOLLOWED, list[_Spot]()
+        q = np.array([[place.point.q, q2]])
         if place.flag > NONE:
-            boundary = _Boundary(curve, problem, low, high, place, q2)
-            trail, end = boundary.follow()
-            if len(trail) > 1:
-                spots = boundary.spread(trail, count)
-                own = [(spot.U[-2], spot.U[-1]) for spot in spots]
-                rows[2:, stored, : len(own)] = np.array([boundary.multipliers(spot) for spot in spots]).T
-        q = np.array(own)
-        rows[:2, stored, : len(own)] = curve.start + q[:, 0] * (curve.stop - curve.start), low + q[:, 1] * (high - low)
-        ends[stored], stored = end, stored + 1
-        if end == _NOT_FOLLOWED:
+            with one_thread():  # matrices are small
+                boundary = _Boundary(curve, problem, low, high, place, q2)
+                trail, reasons[stored] = boundary.follow()
+                spots = boundary.spread(trail, count) if len(trail) > 1 else []
+                rows[2:, stored, : len(spots)] = np.reshape([boundary.multipliers(spot) for spot in spots], (-1, 2)).T
+            q = np.array([spot.U[-2:] for spot in spots]) if spots else q
+            ends += [(place.flag, trail[-1].U)] if trail else []
+        rows[:2, stored, : len(q)] = curve.start + q[:, 0] * (curve.stop - curve.start), low + q[:, 1] * (high - low)
+        if reasons[stored] == _NOT_FOLLOWED:
             begins = "the branch has no motion with its impact" if place.flag < NONE else "its start is no motion"
             why = "no motion is found beyond its last point" if trail else begins
             why = f"{_MOST_STEPS} steps do not reach its end" if len(trail) == _MOST_STEPS else why
             said.append(f"boundary {stored} is not followed: {why}")
-        starts = [
-            each
-            for each in starts
-            if not (trail and _is_end(each[1].flag, each[1].point.q, each[2], place.flag, trail[-1].U))
-        ]
+        stored += 1
     said += [f"{left} more boundaries are not stored"] * bool(left)
-    return Boundaries(kinds, rows[0], rows[1], rows[2], rows[3], ends), "; ".join(said)
+    return Boundaries(kinds, rows[0], rows[1], rows[2], rows[3], reasons), "; ".join(said)
 
 
 def _is_end(flag: int, q1: float, q2: float, kind: int, U: Array) -> bool:
@@ -495,6 +474,6 @@ def _derivative(curve: Curve, number: Number, place: Place) -> float:
         found = boundary.beside(here, guess, _unit(guess.size, -1))
         if found is None:
             return np.nan
-        moved.append(found[0][-2])
+        moved.append(found.U[-2])
     slope = (8 * (moved[0] - moved[1]) - (moved[2] - moved[3])) / 1.2
     return float(slope * (curve.stop - curve.start) / unit)

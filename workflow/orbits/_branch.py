@@ -189,11 +189,11 @@ def _followed(curve: Curve, first: Point) -> list[Place]:
     while count < _MOST_STEPS and (here.orbit.growth < 0 or np.linalg.norm(here.w[heats]) < _FAR):
         if here.q in (0.0, 1.0) and (here.tangent[-1] > 0) == (here.q == 1.0):
             break
-        same = count > 10 and here.word == first.word and here.phase == first.phase
+        same = count > 10 and here.frame.word == first.frame.word and here.frame.phase == first.frame.phase
         if same and np.linalg.norm(here.u - first.u) < 0.5 * here.arclength / count:
             break  # a closed branch
         if step < _LEAST:
-            mapped = None if here.word is None else curve.unworded(here)
+            mapped = None if here.frame.word is None else curve.unworded(here)
             if mapped is None:
                 return trace if smooth else [*trace[:-1], Place(here, GRAZING)]
             here, step = mapped, _FIRST
@@ -351,7 +351,7 @@ def _impacts(point: Point) -> int:
 
 def _same_events(a: Point, b: Point) -> bool:
     """Tell whether two neighbours have one sequence of events, or one whose changes the map does not show."""
-    is_smooth = a.word is not None or a.orbit.flow.structure.contacts.is_compliant
+    is_smooth = a.frame.word is not None or a.orbit.flow.structure.contacts.is_compliant
     return is_smooth or order_of_events(a.orbit) == order_of_events(b.orbit)
 
 

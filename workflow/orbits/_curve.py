@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -15,10 +16,10 @@ from numpy.typing import NDArray
 
 from workflow.kernels.algebra import block_diagonal
 from workflow.models import Array, Cases, Structure
-from workflow.orbits._flow import AnalysedStructure, Flow
+from workflow.orbits._flow import Flow, analysed
 from workflow.orbits._orbit import Orbit, has_converged
 from workflow.orbits._shooting import LEAVES, Shooting, Shot, Word, tells_apart, word_of
-from workflow.schemes.event_driven import Trajectory
+from workflow.schemes.event_driven import ExactOperator, Trajectory
 
 Problem = Callable[[float], tuple[Structure, Cases]]
 """Structure and one case at a value of the parameter."""
@@ -36,18 +37,50 @@ _LEAST_GAP, _WIDEST_GAP = 1e-14, 1e-10
 """First and largest step from a grazing to where rounding leaves no impact."""
 
 
+class Frame(NamedTuple):
+    """What is the same for the points of a piece of the curve."""
+
+    word: Word | None
+    phase: float
+    """Phase of the Poincaré section of w, over T."""
+    order: int
+    was_closed: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Residual:
+    """Residual of the conditions of an orbit at u, their derivatives per (w, times), and approach speeds."""
+
+    u: Array
+    """State, times of the events of the word after the phase of w, over kT, and fraction of the range."""
+    frame: Frame
+    flow: Flow
+    values: Array
+    matrix: Array
+    approach: Array
+    """Approach speeds at the events of the word, m/s."""
+    approach_slope: Array
+    shot: Shot | None = None
+    mapped: tuple[Trajectory, Array] | None = None
+    """Without a word: the exact motion over kT, and the derivative of its end."""
+
+    @cached_property
+    def orbit(self) -> Orbit:
+        """The exact motion over kT, and the derivative of X(kT) per X(0)."""
+        if self.mapped is None:
+            assert self.shot is not None
+            X, begin, span = self.shot.states[0], self.shot.begin, self.shot.span
+            motion, D = self.flow.march(X, self.frame.was_closed, begin, span), self.shot.derivative
+        else:
+            motion, D = self.mapped
+        error = np.abs(self.values[: self.flow.start.size]).max()
+        return Orbit(self.flow, self.frame.order, motion, D, float(error))
+
+
 @dataclass(frozen=True, eq=False)
 class Point:
     """A periodic rub on the curve."""
 
-    q: float
-    w: Array
-    times: Array
-    """Times of the events of the word after the phase of w, over kT."""
-    phase: float
-    """Phase of the Poincaré section of w, over T."""
-    word: Word | None
-    orbit: Orbit
     residual: Residual
     tangent: Array
     """Tangent of the curve of u, of length 1 …"""
@@ -61,7 +94,32 @@ class Point:
     @property
     def u(self) -> Array:
         """State, times and fraction of the range."""
-        return np.concatenate([self.w, self.times, [self.q]])
+        return self.residual.u
+
+    @property
+    def w(self) -> Array:
+        """Scaled state."""
+        return self.u[: self.residual.flow.start.size]
+
+    @property
+    def times(self) -> Array:
+        """Times of the events of the word after the phase of w, over kT."""
+        return self.u[self.w.size : -1]
+
+    @property
+    def q(self) -> float:
+        """Fraction of the range."""
+        return float(self.u[-1])
+
+    @property
+    def frame(self) -> Frame:
+        """Its word and the section of w."""
+        return self.residual.frame
+
+    @property
+    def orbit(self) -> Orbit:
+        """The rub."""
+        return self.residual.orbit
 
     @property
     def is_motion(self) -> bool:
@@ -69,44 +127,11 @@ class Point:
         shot = self.residual.shot
         return shot is None or shot.is_motion(self.orbit.motion)
 
-    @property
-    def struck(self) -> NDArray[np.intp]:
-        """Which events are impacts."""
-        return np.flatnonzero(np.array(self.word.kind if self.word else ()) != LEAVES)
-
-    @property
-    def approach(self) -> Array:
-        """Approach speeds at the events of the word, m/s."""
-        return self.residual.approach
-
     def distance(self, u: Array) -> float:
         """Return the length of the chord to another u, without velocities and times."""
-        away, n = u - self.u, self.orbit.flow.modes
+        away, n = u - self.u, self.residual.flow.modes
         away[n : 2 * n] = away[self.w.size : -1] = 0.0
         return float(np.linalg.norm(away))
-
-
-class Frame(NamedTuple):
-    """What is the same for the points of a piece of the curve."""
-
-    word: Word | None
-    phase: float
-    order: int
-    was_closed: NDArray[np.bool_]
-
-
-class Residual(NamedTuple):
-    """Residual of the conditions of an orbit at u, their derivatives per (w, times), and approach speeds."""
-
-    flow: Flow
-    values: Array
-    matrix: Array
-    D: Array
-    """Derivative of X(kT) per X(0)."""
-    approach: Array
-    approach_slope: Array
-    shot: Shot | None
-    motion: Trajectory | None
 
 
 class Curve:
@@ -116,7 +141,7 @@ class Curve:
         self.problem, self.start, self.stop = problem, start, stop
         self.scale: Array | None = None
         self.first: Structure | None = None
-        self.shared: AnalysedStructure | None = None
+        self.shared: ExactOperator | None = None
         self.charts: tuple[Structure, Array, Array] | None = None
         self.heated = heated or any(problem(self.value(q))[1].heated.any() for q in (0.0, 0.5, 1.0))
 
@@ -128,7 +153,7 @@ class Curve:
         """Return the case at q; cases of one structure share its operator."""
         structure, cases = self.problem(self.value(q))
         if self.shared is None or structure is not self.shared.structure:
-            self.shared = AnalysedStructure(structure)
+            self.shared = analysed(structure)
         return Flow(self.shared, cases, heated=self.heated)
 
     def begin(self, orbit: Orbit, scale: Array, q: float) -> Point | None:
@@ -137,40 +162,38 @@ class Curve:
         w, ahead = self._charts(orbit.flow)[0] @ orbit.motion.start, np.zeros(orbit.motion.start.size + 1)
         ahead[-1] = 1.0
         frame = Frame(None, orbit.motion.begin / orbit.flow.period, orbit.order, orbit.motion.was_closed)
-        found = self._newton(frame, np.append(w, q), _plane(np.append(w, q), ahead), ahead)
+        found = self._newton(frame, np.append(w, q), ahead)
         return found and self.worded(found)
 
     def step(self, point: Point, length: float) -> Point | None:
         """Return the point at a length along the tangent, in the plane across it; ``None`` where none is found."""
-        guess = point.u + length * point.tangent
-        found = self._newton(frame_of(point), guess, _plane(guess, point.row), point.row)
+        found = self._newton(point.frame, point.u + length * point.tangent, point.row)
         return found and replace(found, arclength=point.arclength + length)
 
     def at(self, point: Point, q: float) -> Point | None:
         """Return the point at a fraction of the range near one, on whose curve it has the same direction."""
-        guess, ahead = point.u, np.zeros(point.u.size)
+        guess, ahead = point.u.copy(), np.zeros(point.u.size)
         guess[-1], ahead[-1] = q, np.copysign(1.0, point.tangent[-1])
-        found = self._newton(frame_of(point), guess, _plane(guess, ahead), ahead)
+        found = self._newton(point.frame, guess, ahead)
         return found and replace(found, arclength=point.arclength + float(point.row @ (found.u - point.u)))
 
     def worded(self, point: Point) -> Point:
         """Return a point of the map with the times of its events as unknowns, where these tell the events apart."""
         flow, motion = point.orbit.flow, point.orbit.motion
-        if point.word is not None or flow.structure.contacts.is_compliant or flow.is_constant:
+        if point.frame.word is not None or flow.structure.contacts.is_compliant or flow.is_constant:
             return point
         word = word_of(motion) if tells_apart(motion) else None
         if word is None:
             return point
         guess = np.concatenate([point.w, motion.times / motion.span, [point.q]])
         row = np.concatenate([point.row[:-1], np.zeros(motion.times.size), point.row[-1:]])
-        found = self._newton(frame_of(point)._replace(word=word), guess, _plane(guess, row), row)
+        found = self._newton(point.frame._replace(word=word), guess, row)
         return point if found is None or not found.is_motion else replace(found, arclength=point.arclength)
 
     def unworded(self, point: Point) -> Point | None:
         """Return a point as one of the map; ``None`` where its motion does not repeat."""
-        u, frame = np.append(point.w, point.q), frame_of(point)._replace(word=None)
-        residual, kept = self._mapped(u, frame), np.r_[: point.w.size, -1]
-        found = residual and self._point(u, frame, residual, point.row[kept])
+        residual = self._mapped(np.append(point.w, point.q), point.frame._replace(word=None))
+        found = None if residual is None else self._point(residual, point.row[np.r_[: point.w.size, -1]])
         return found and replace(found, arclength=point.arclength)
 
     def grazing(self, here: Point, beyond: Point) -> tuple[Point, Point] | None:
@@ -179,12 +202,13 @@ class Curve:
         The first has the word of the points. The other, whose tangent points to where it is a motion, has an impact
         less or more. ``beyond`` is no motion. ``None`` where none is found.
         """
-        assert here.word is not None
-        late = [i for i in here.struck if beyond.approach[i] <= 0 < here.approach[i]]
+        word, before, after = here.frame.word, here.residual.approach, beyond.residual.approach
+        assert word is not None
+        late = [i for i, kind in enumerate(word.kind) if kind != LEAVES and after[i] <= 0 < before[i]]
         if late:
-            shares = {i: here.approach[i] / (here.approach[i] - beyond.approach[i]) for i in late}
+            shares = {i: before[i] / (before[i] - after[i]) for i in late}
             i = min(shares, key=lambda each: shares[each])
-            more = self._grazed(frame_of(here), here.u + shares[i] * (beyond.u - here.u), i, here.row)
+            more = self._newton(here.frame, here.u + shares[i] * (beyond.u - here.u), here.row, i)
             less = more and self._without(more, i)
             return (more, less) if more is not None and less is not None else None
         assert beyond.residual.shot is not None
@@ -196,56 +220,55 @@ class Curve:
         deep, above = (shot.flight(time, i, contact)[0] for shot in (beyond.residual.shot, here.residual.shot))
         guess = here.u + above / (above - deep) * (beyond.u - here.u)
         at = here.w.size + i
-        frame = frame_of(here)._replace(word=here.word.with_impact(i, contact))
-        more = self._grazed(frame, np.insert(guess, at, time), i, np.insert(here.row, at, 0.0))
+        frame = here.frame._replace(word=word.with_impact(i, contact))
+        more = self._newton(frame, np.insert(guess, at, time), np.insert(here.row, at, 0.0), i)
         less = more and self._without(more, i)
         if more is None or less is None:
             return None
-        along = np.append(more.residual.approach_slope[i], 0.0)
-        along[-1] = self._slopes(more.u, frame_of(more), more.residual)[1][i]
-        ahead = self._point(more.u, frame_of(more), more.residual, along / np.linalg.norm(along))
-        back = self._point(less.u, frame_of(less), less.residual, here.row)
+        along = self._approach(more.residual, i)[1]
+        ahead = self._point(more.residual, along / np.linalg.norm(along))
+        back = self._point(less.residual, here.row)
         return None if ahead is None or back is None else (back, ahead)
 
-    def _grazed(self, frame: Frame, guess: Array, i: int, row: Array) -> Point | None:
-        """Return the point near a guess at which the approach speed of event ``i`` is 0."""
-
-        def close(u: Array, residual: Residual) -> tuple[float, Array]:
-            assert self.scale is not None
-            slope = self._slopes(u, frame, residual)[1][i]
-            return residual.approach[i] / self.scale[1], np.append(residual.approach_slope[i], slope) / self.scale[1]
-
-        return self._newton(frame, guess, close, row)
+    def _approach(self, residual: Residual, i: int) -> tuple[float, Array]:
+        """Return the approach speed at event ``i``, over the motion's, and its derivatives per u."""
+        assert self.scale is not None
+        slopes = np.append(residual.approach_slope[i], self._slopes(residual)[1][i])
+        return residual.approach[i] / self.scale[1], slopes / self.scale[1]
 
     def _without(self, point: Point, i: int) -> Point | None:
         """Return the point without the impact of a grazing, with a tangent along which its gap opens."""
-        assert point.word is not None
-        assert point.residual.shot is not None
-        at, frame = point.w.size + i, frame_of(point)._replace(word=point.word.without(i))
-        opens = np.append(point.residual.matrix[at], self._slopes(point.u, frame_of(point), point.residual)[0][at])
+        assert point.frame.word is not None
+        at, frame = point.w.size + i, point.frame._replace(word=point.frame.word.without(i))
+        opens = np.append(point.residual.matrix[at], self._slopes(point.residual)[0][at])
         guess, opens = np.delete(point.u, at), np.delete(opens, at)
         ahead = np.zeros(guess.size)
         ahead[-1] = 1.0
-        found = self._newton(frame, guess, _plane(guess, ahead), opens / np.linalg.norm(opens))
+        found = self._newton(frame, guess, ahead, along=opens / np.linalg.norm(opens))
         beside = _LEAST_GAP
         while found is not None and not found.is_motion and beside < _WIDEST_GAP:
             found, beside = self.step(found, beside), 4 * beside
         return found
 
     def _newton(
-        self, frame: Frame, guess: Array, close: Callable[[Array, Residual], tuple[float, Array]], along: Array
+        self, frame: Frame, guess: Array, across: Array, grazing: int | None = None, along: Array | None = None
     ) -> Point | None:
-        """Return the point near a guess at which one more condition holds, with a tangent in the direction of a row."""
-        u, last = guess.copy(), np.inf
+        """Return the point in the plane through a guess across a row, or where the event ``grazing`` has no approach.
+
+        Its tangent has the direction of the row, or of the one ``along``.
+        """
+        u, last, along = guess.copy(), np.inf, across if along is None else along
         for _ in range(_MOST):
             residual = self.residual_at(u, frame)
             if residual is None:
                 return None
-            value, row = close(u, residual)
+            value, row = float(across @ (u - guess)), across
+            if grazing is not None:
+                value, row = self._approach(residual, grazing)
             size = max(float(np.abs(residual.values).max()), abs(value))
             if has_converged(size, last):
-                return self._point(u, frame, residual, along)
-            slope = self._slopes(u, frame, residual)[0]
+                return self._point(residual, along)
+            slope = self._slopes(residual)[0]
             matrix = np.vstack([np.column_stack([residual.matrix, slope]), row])
             try:
                 aim = u - np.linalg.solve(matrix, np.append(residual.values, value))
@@ -259,8 +282,12 @@ class Curve:
 
     def halved(self, point: Point) -> Point | None:
         """Return the rub of half the order in the middle of a rub whose halves are nearly alike."""
-        orbit, whole = replace(point.orbit, order=point.orbit.order // 2), self.unworded(point)
-        return whole and self.at(replace(whole, orbit=orbit, w=point.w + 0.5 * self.between_halves(point)), point.q)
+        whole = self.unworded(point)
+        if whole is None:
+            return None
+        frame, w = whole.frame._replace(order=whole.frame.order // 2), point.w + 0.5 * self.between_halves(point)
+        half = replace(whole.residual, u=np.append(w, point.q), frame=frame)
+        return self.at(replace(whole, residual=half), point.q)
 
     def between_halves(self, point: Point) -> Array:
         """Return the change of w over a half of a rub's period."""
@@ -281,7 +308,7 @@ class Curve:
             return None
         D, none = flow.derivative(motion), np.zeros((0, u.size - 1))
         matrix = out @ D @ into - np.eye(u.size - 1)
-        return Residual(flow, out @ motion.X - u[:-1], matrix, D, none[:, 0], none, None, motion)
+        return Residual(u, frame, flow, out @ motion.X - u[:-1], matrix, none[:, 0], none, mapped=(motion, D))
 
     def _shot(self, u: Array, frame: Frame, word: Word) -> Residual | None:
         """Return the residual of the motion over given times of events."""
@@ -298,26 +325,25 @@ class Curve:
         matrix = np.vstack([out @ by_w[0], by_w[1] / size[:, None]])
         matrix[:N, :N] -= np.eye(N)
         values = np.concatenate([out @ shot.X - u[:N], shot.signals / size])
-        return Residual(flow, values, matrix, shot.derivative, shot.approach, by_w[2], shot, None)
+        return Residual(u, frame, flow, values, matrix, shot.approach, by_w[2], shot)
 
-    def _slopes(self, u: Array, frame: Frame, residual: Residual) -> tuple[Array, Array]:
+    def _slopes(self, residual: Residual) -> tuple[Array, Array]:
         """Return the derivatives of values and approach speeds with respect to q by a difference inside the range.
 
         Where an impact begins the map has a root and multipliers grow: there it is smaller. NaN where there is none.
         """
-        side = np.copysign(_SMOOTH, 0.5 - u[-1])
-        if frame.word is None:
-            largest = float(np.abs(np.linalg.eigvals(residual.D)).max(initial=0.0))
+        u, side = residual.u, np.copysign(_SMOOTH, 0.5 - residual.u[-1])
+        if residual.mapped is not None:
+            largest = float(np.abs(np.linalg.eigvals(residual.mapped[1])).max(initial=0.0))
             side = np.copysign(_DIFFERENCE, 0.5 - u[-1]) / max(1.0, 0.01 * largest)
-        beside = self.residual_at(np.append(u[:-1], u[-1] + side), frame)
+        beside = self.residual_at(np.append(u[:-1], u[-1] + side), residual.frame)
         if beside is None:
             return np.full(residual.values.size, np.nan), residual.approach
         return (beside.values - residual.values) / side, (beside.approach - residual.approach) / side
 
-    def _point(self, u: Array, frame: Frame, residual: Residual, along: Array) -> Point | None:
+    def _point(self, residual: Residual, along: Array) -> Point | None:
         """Return an orbit as a point, with the tangent of the curve in the direction of the row ``along``."""
-        flow, N, n = residual.flow, residual.flow.start.size, residual.flow.modes
-        slope = self._slopes(u, frame, residual)[0]
+        N, n, slope = residual.flow.start.size, residual.flow.modes, self._slopes(residual)[0]
         if not np.isfinite(slope).all():
             return None
         matrix = np.vstack([np.column_stack([residual.matrix, slope]), along])
@@ -325,14 +351,8 @@ class Curve:
         row = tangent.copy()
         row[n : 2 * n] = row[N:-1] = 0.0
         length = np.sqrt(row @ tangent)
-        motion = residual.motion
-        if motion is None:
-            X, begin = self._charts(flow)[1] @ u[:N], frame.phase * flow.period
-            motion = flow.march(X, frame.was_closed, begin, frame.order * flow.period)
-        orbit = Orbit(flow, frame.order, motion, residual.D, float(np.abs(residual.values[:N]).max()))
-        around = u[N:-1], frame.phase, frame.word
         regular = float(np.linalg.det(np.vstack([matrix[:-1], row / length])))
-        return Point(float(u[-1]), u[:N], *around, orbit, residual, tangent / length, row / length, regular)
+        return Point(residual, tangent / length, row / length, regular)
 
     def _charts(self, flow: Flow) -> tuple[Array, Array]:
         """Return w per X and X per w.
@@ -357,17 +377,17 @@ class Curve:
 
     def rephased(self, point: Point) -> Point:
         """Return a point with its section moved to the middle of the longest flight or contact, if an event is near."""
-        motion, frame = point.orbit.motion, frame_of(point)
+        motion, frame = point.orbit.motion, point.frame
         later = section_beside(motion.times / motion.span)
         if later is None:
             return point
-        away = np.copysign(_SMOOTH if point.word else _DIFFERENCE, (0.5 - point.q) * point.tangent[-1])
+        away = np.copysign(_SMOOTH if frame.word else _DIFFERENCE, (0.5 - point.q) * point.tangent[-1])
         i = int(np.sum(point.times <= later))
         ends = [self.carried(frame, u, i, later) for u in (point.u, point.u + away * point.tangent)]
-        part = point.orbit.flow.march(motion.start, frame.was_closed, motion.begin, later * motion.span)
+        part = point.residual.flow.march(motion.start, frame.was_closed, motion.begin, later * motion.span)
         moved = turned(frame, i, later, part.closed)
         residual = self.residual_at(ends[0], moved)
-        found = residual and self._point(ends[0], moved, residual, (ends[1] - ends[0]) / away)
+        found = None if residual is None else self._point(residual, (ends[1] - ends[0]) / away)
         return point if found is None else replace(found, arclength=point.arclength)
 
     def carried(self, frame: Frame, u: Array, i: int, later: float) -> Array:
@@ -398,13 +418,3 @@ def turned(frame: Frame, i: int, later: float, closed: NDArray[np.bool_]) -> Fra
     word = frame.word and frame.word.turned(i)
     phase = (frame.phase + later * frame.order) % 1.0
     return Frame(word, phase, frame.order, np.array(word.closed[0]) if word else closed)
-
-
-def frame_of(point: Point) -> Frame:
-    """Return the frame of a point."""
-    return Frame(point.word, point.phase, point.orbit.order, point.orbit.motion.was_closed)
-
-
-def _plane(guess: Array, row: Array) -> Callable[[Array, Residual], tuple[float, Array]]:
-    """Return the condition that u lies in the plane through a guess across a row."""
-    return lambda u, _: (float(row @ (u - guess)), row)

@@ -23,8 +23,7 @@ from workflow.kernels.algebra import connected_parts
 from workflow.models import Array, Cases, Structure
 from workflow.schemes.event_driven import (
     Budget,
-    ClosedSet,
-    Linear,
+    ExactOperator,
     Trajectory,
     make_operator,
     one_case,
@@ -59,22 +58,20 @@ def common_period(cases: Cases) -> float:
     return count / base if count <= MOST_LOAD_PERIODS else np.nan
 
 
-class AnalysedStructure:
-    """A structure and its operator, for all its cases."""
-
-    def __init__(self, structure: Structure):
-        self.structure, self.operator = structure, make_operator(structure, _BUDGET)
+def analysed(structure: Structure) -> ExactOperator:
+    """Return the operator of a structure, for all its cases."""
+    return make_operator(structure, _BUDGET)
 
 
 class Flow:
     """The flow of one case: its motion as a first-order system."""
 
-    def __init__(self, structure: AnalysedStructure, cases: Cases, *, heated: bool = False):
+    def __init__(self, operator: ExactOperator, cases: Cases, *, heated: bool = False):
         """Prepare a case, with thermal states where heat acts or ``heated`` is set.
 
         Under constant loads the period is that of the slowest mode with all contacts open, 1 s without any.
         """
-        self.structure, self.operator, self.cases = structure.structure, structure.operator, cases
+        self.structure, self.operator, self.cases = operator.structure, operator, cases
         frequency, self.friction = self.operator.basis.frequency, float(cases.friction[0])
         self.period, self.alpha, self.e = common_period(cases), float(cases.alpha[0]), float(cases.e[0])
         self.is_constant = self.period == np.inf
@@ -91,13 +88,40 @@ class Flow:
         self.struck = np.hstack([none, self.friction * basis.tangent - basis.normal, self.alpha * basis.heat])
         """Jump of X by an impulse at each contact, ``(contact, N)``."""
 
-    def set_of(self, closed: NDArray[np.bool_]) -> ClosedSet:
-        """Return a set of closed contacts."""
-        return self.one.set_of(closed)
+    @cached_property
+    def inputs(self) -> Array:
+        """Inputs [g, q, F, d, d', d''] per source, ``(input, source)``."""
+        inputs, m = np.zeros((self.load.constant.size, 1 + 2 * len(self.load.waves))), self.contacts
+        inputs[:, 0] = self.load.constant
+        for k, (omega, _, force, _) in enumerate(self.load.waves):
+            cos, sin = self.load.casing[k]
+            for j, (a, b) in enumerate(((cos, sin), (sin, -cos))):  # per cos ψ, per sin ψ: d = a, d' = ω b
+                inputs[-3 * m :, 1 + 2 * k + j] = np.concatenate([a, omega * b, -(omega**2) * a])
+            inputs[-3 * m - 1, 2 + 2 * k] = force
+        return inputs
 
-    def linear(self, closed: NDArray[np.bool_]) -> Linear:
-        """Return the motion with a set of contacts closed."""
-        return self.one.linear(closed)
+    def sources(self, t: float) -> Array:
+        """Return w = [1, cos ψ, sin ψ, …] of all sinusoids at a time, ψ = ω t + φ."""
+        angle = self.load.waves[:, 0] * t + self.load.waves[:, 1]
+        return np.concatenate([[1.0], np.column_stack([np.cos(angle), np.sin(angle)]).ravel()])
+
+    def steady(self, closed: NDArray[np.bool_]) -> tuple[Array, Array]:
+        """Return X and the gaps or contact forces ``(contact,)`` of the steady response at t = 0 with contacts closed.
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            There is none: a pole is that of a load.
+        """
+        own, w, m = self.one.system(closed), self.inputs @ self.sources(0.0), self.contacts
+        B = own.B @ self.inputs
+        Z = np.linalg.solve(-own.A, B[:, 0])
+        for (omega, phase, _, _), cos, sin in zip(self.load.waves, B.T[1::2], B.T[2::2], strict=True):
+            Z += np.linalg.solve(1j * omega * np.eye(Z.size) - own.A, (cos - 1j * sin) * np.exp(1j * phase)).real
+        z, u, tau = np.split(Z, [own.null.shape[1], 2 * own.null.shape[1]])
+        d, rate = w[-3 * m : -2 * m], w[-2 * m : -m]
+        X = [own.null @ z + d @ own.place, own.null @ u + rate @ own.place, tau]
+        return np.concatenate(X), own.signals @ Z + own.inputs @ w
 
     @cached_property
     def coupled(self) -> NDArray[np.bool_]:
@@ -174,7 +198,7 @@ class Flow:
         factors = np.empty((spans.size, self.start.size, self.start.size))
         for k, closed in enumerate(every):
             of_set = which.ravel() == k
-            factors[of_set] = propagators(self.set_of(closed), spans[of_set])
+            factors[of_set] = propagators(self.one.set_of(closed), spans[of_set])
         return factors
 
     def _after_impacts(self, motion: Trajectory, event: int, D: Array) -> Array:
@@ -182,6 +206,7 @@ class Flow:
         n, normal, approach, t = self.modes, self.one.basis.normal, motion.approaches[event], motion.times[event]
         before, after, strikes = *motion.sets[event : event + 2], self._strikes(motion)[event]
         X, closed, D, t = motion.states[event], after.copy(), D.copy(), motion.begin + t
+        bend = self.inputs[-self.contacts :] @ self.sources(t)
         takes = (motion.impulses[event] > 0) | after
         for part in self._linked(takes | before):
             striking, taking = part[strikes[part]], part[takes[part]]
@@ -191,7 +216,7 @@ class Flow:
                 late = self._rates(X, t, closed)
                 X, closed[part] = X - law @ np.where(strikes, approach, 0.0)[taking], before[part]
                 rates = self._rates(X, t, closed)
-                late -= rates + law @ (normal[taking] @ rates[n : 2 * n] - self._casing(t)[1][taking])
+                late -= rates + law @ (normal[taking] @ rates[n : 2 * n] - bend[taking])
                 earlier = (normal[striking] / approach[striking, None]).mean(axis=0) @ D[:n]
                 D += law @ (normal[taking] @ D[n : 2 * n]) + np.outer(late, earlier)
         return D
@@ -224,21 +249,12 @@ class Flow:
 
     def _rates(self, X: Array, t: float, closed: NDArray[np.bool_]) -> Array:
         """Return X' of a state with contacts with mass closed, ``(N,)``."""
-        own, waves, at = self.linear(self.all_open).system, self.load.waves, self.modes + self.heats
-        force = np.sin(waves[:, 0] * t + waves[:, 1]) @ waves[:, 2]
-        rates = own.A @ X + own.B @ self.load.constant + force * own.B[:, at]
-        S = np.flatnonzero(closed)
-        excess = self.one.basis.normal[S] @ rates[self.modes : 2 * self.modes] - self._casing(t)[1][S]
+        own, w, S = self.one.system(self.all_open), self.inputs @ self.sources(t), np.flatnonzero(closed)
+        rates = own.A @ X + own.B @ w
+        excess = self.one.basis.normal[S] @ rates[self.modes : 2 * self.modes] - w[-self.contacts :][S]
         return np.asarray(rates + np.linalg.solve(self.delassus[np.ix_(S, S)], excess) @ self.struck[S])
 
     def place_of(self, contact: int, t: Array) -> Array:
         """Return the place of the casing at a contact, m, ``(time,)``."""
-        (omega, phase, _, _), (cos, sin) = self.load.waves.T, self.load.casing[..., contact].T
-        turned = omega * t[:, None] + phase
-        return np.asarray(self.load.constant[contact - 3 * self.contacts] + np.cos(turned) @ cos + np.sin(turned) @ sin)
-
-    def _casing(self, t: float) -> tuple[Array, Array]:
-        """Return velocity and acceleration of the casing at each contact, ``(contact,)``."""
-        (omega, phase, _, _), (cos, sin) = self.load.waves.T, self.load.casing.swapaxes(0, 1)
-        c, s = np.cos(omega * t + phase), np.sin(omega * t + phase)
-        return (c * omega) @ sin - (s * omega) @ cos, -(c * omega**2) @ cos - (s * omega**2) @ sin
+        row = self.inputs[contact - 3 * self.contacts]
+        return np.array([row @ self.sources(each) for each in t.tolist()])

@@ -53,7 +53,7 @@ class Orbit:
     def growth(self) -> float:
         """Rate of the slowest deviation, ln|µ|/kT or, without events, the largest real part of the poles, 1/s."""
         if self.motion.times.size == 0:
-            return growth(self.flow.set_of(self.motion.was_closed))
+            return growth(self.flow.one.set_of(self.motion.was_closed))
         largest = float(np.abs(self.multipliers[0]))
         return float(np.log(largest) / self.motion.span) if largest > 0 else -np.inf
 
@@ -118,7 +118,7 @@ def without_events(flow: Flow, closed: NDArray[np.bool_], scale: Array) -> Orbit
     Under constant loads it is an equilibrium.
     """
     try:
-        X, signals = flow.linear(closed).steady(flow.load, 0.0)
+        X, signals = flow.steady(closed)
     except np.linalg.LinAlgError:
         return None
     if not (np.isfinite(X).all() and (signals > 0).all()):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from workflow.kernels.algebra import eigenvalues
 from workflow.models import Array, Cases, Structure
-from workflow.orbits._flow import MOST_LOAD_PERIODS, AnalysedStructure, Flow
+from workflow.orbits._flow import MOST_LOAD_PERIODS, Flow, analysed
 from workflow.orbits._orbit import NOT_FOUND, RUNS_AWAY, Orbit, longest, newton, scale_of, without_events
 from workflow.schemes.event_driven import Trajectory, growth, propagators
 from workflow.variables import select
@@ -139,7 +139,7 @@ def _found(flow: Flow, motions: list[Trajectory], options: Options) -> Settled |
         found = None if flow.is_constant else _rub(flow, motions, options, scale)
         if found is not None:
             return found
-    elif closed.any() and (rate := growth(flow.set_of(closed))) > 0:
+    elif closed.any() and (rate := growth(flow.one.set_of(closed))) > 0:
         if _grows_in_contact(flow, X, closed):
             return Settled(RUNS_AWAY, f"in permanent contact deviations grow by {rate:.4g} 1/s")
     else:
@@ -207,11 +207,11 @@ def _grows_in_contact(flow: Flow, X: Array, closed: NDArray[np.bool_]) -> bool:
 
     The fastest growth must be real: a flutter lifts the tip.
     """
-    poles = eigenvalues(flow.linear(closed).system.A)
+    poles = eigenvalues(flow.one.system(closed).A)
     if poles[np.argmax(poles.real)].imag != 0:
         return False
     try:
-        rest, _ = flow.linear(closed).steady(flow.load, 0.0)
+        rest, _ = flow.steady(closed)
     except np.linalg.LinAlgError:
         return False
     number, deviation = 1, X - rest
@@ -219,7 +219,7 @@ def _grows_in_contact(flow: Flow, X: Array, closed: NDArray[np.bool_]) -> bool:
         motion = flow.march(rest + deviation, closed, 0.0, flow.period)
         if motion.times.size or motion.failure:
             return False
-        deviation = propagators(flow.set_of(closed), np.array([number * flow.period]))[0] @ (X - rest)
+        deviation = propagators(flow.one.set_of(closed), np.array([number * flow.period]))[0] @ (X - rest)
         number += 1 + number // 8
     return True
 
@@ -253,7 +253,7 @@ def steady_rubs(structure: Structure, cases: Cases, options: Options) -> tuple[d
     orbits of several contacts have ``contact`` after the case. NaN where there is no steady rub; multipliers and
     settling time too where contacts strike at once that act on each other. A message is '' or begins with ``steady:``.
     """
-    shared, each = AnalysedStructure(structure), [cases.take(slice(i, i + 1)) for i in range(cases.count)]
+    shared, each = analysed(structure), [cases.take(slice(i, i + 1)) for i in range(cases.count)]
     found = [settle(Flow(shared, case), options) for case in each]
     messages = [f"steady: {one.message}" if one.message else "" for one in found]
     return tabulated(found, options.samples, structure), messages

@@ -11,7 +11,6 @@ numbers of the scene, also where u is 0 (a grazing) or negative, which no motion
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +18,7 @@ from scipy.linalg import expm, matrix_balance
 from scipy.optimize import brentq
 
 from workflow.kernels.algebra import block_diagonal
-from workflow.models import Array, ContactBasis, ContactSystem, contact_system
+from workflow.models import Array
 from workflow.orbits._flow import Flow
 from workflow.schemes.event_driven import Trajectory
 
@@ -170,32 +169,16 @@ class Shooting:
     """The motions of one case over given times of events."""
 
     def __init__(self, flow: Flow):
-        self.flow, self.basis, own = flow, flow.one.basis, flow.load
-        self.m, self.waves = self.basis.contacts.count, own.waves
-        n, W = flow.modes, len(own.waves)
+        self.flow, self.basis, self.m = flow, flow.one.basis, flow.contacts
+        n, waves = flow.modes, flow.load.waves[:, 0]
         self.speed = np.zeros((self.m, flow.start.size))
         self.speed[:, n : 2 * n] = self.basis.normal
-        drives = self.basis.normal - float(flow.cases.friction[0]) * self.basis.tangent
-        self.jumps = np.hstack([np.zeros((self.m, n)), -drives, flow.alpha * self.basis.heat])
-        self.delassus = self.basis.normal @ drives.T
-        inputs = np.zeros((own.constant.size, 1 + 2 * W))
-        inputs[:, 0] = own.constant
-        for k, (omega, _, force, _) in enumerate(own.waves):
-            cos, sin = own.casing[k]
-            for j, (a, b) in enumerate(((cos, sin), (sin, -cos))):  # per cos ψ, per sin ψ: d = a, d' = ω b
-                inputs[-3 * self.m :, 1 + 2 * k + j] = np.concatenate([a, omega * b, -(omega**2) * a])
-            inputs[-3 * self.m - 1, 2 + 2 * k] = force
-        self.inputs = inputs
-        turn = np.zeros((1 + 2 * W, 1 + 2 * W))  # w' = turn w, w = [1, cos ψ, sin ψ, …]
-        for k, omega in enumerate(own.waves[:, 0]):
+        self.inputs, self.sources = flow.inputs, flow.sources
+        turn = np.zeros((1 + 2 * waves.size, 1 + 2 * waves.size))  # w' = turn w
+        for k, omega in enumerate(waves):
             turn[1 + 2 * k, 2 + 2 * k], turn[2 + 2 * k, 1 + 2 * k] = -omega, omega
         self.turn = turn
         self.sets: dict[tuple[bool, ...], _Set] = {}
-
-    def sources(self, t: float) -> Array:
-        """Return w = [1, cos ψ, sin ψ, …] at a time."""
-        angle = self.waves[:, 0] * t + self.waves[:, 1]
-        return np.concatenate([[1.0], np.column_stack([np.cos(angle), np.sin(angle)]).ravel()])
 
     def set_of(self, closed: tuple[bool, ...]) -> _Set:
         """Return the linear motion of a set."""
@@ -209,8 +192,8 @@ class Shooting:
             return np.zeros(self.speed.shape[1])
         acting = np.array([i for i in range(self.m) if closed[i] or i == contact])
         law = 1.0 + (self.flow.e if kind != BEGINS else 0.0)
-        p = np.linalg.solve(self.delassus[np.ix_(acting, acting)], law * (acting == contact))
-        return np.asarray(p @ self.jumps[acting])
+        p = np.linalg.solve(self.flow.delassus[np.ix_(acting, acting)], law * (acting == contact))
+        return np.asarray(p @ self.flow.struck[acting])
 
     def shoot(self, word: Word, X: Array, begin: float, span: float, fractions: Array) -> Shot:
         """Return the motion from X at ``begin`` over ``span`` [s], with events at fractions of it."""
@@ -253,7 +236,7 @@ class _Set:
 
     def __init__(self, case: Shooting, closed: tuple[bool, ...]):
         flow, turn, m = case.flow, case.turn, case.m
-        system = _system(case.basis, closed, flow.alpha, float(flow.cases.friction[0]))
+        system = flow.one.system(np.array(closed))
         self.A, self.B = system.A, system.B @ case.inputs
         self.signals, self.signal_inputs = system.signals, system.inputs @ case.inputs
         self.leave = block_diagonal(system.null, system.null, np.eye(flow.heats))
@@ -271,11 +254,3 @@ class _Set:
             moved = self._scale[:size, None] * expm(self._matrix * span)[:size] / self._scale
             self._known[span] = moved[:, :size], moved[:, size:]
         return self._known[span]
-
-
-@lru_cache(maxsize=64)
-def _system(basis: ContactBasis, closed: tuple[bool, ...], alpha: float, friction: float) -> ContactSystem:
-    """Return the system of a set."""
-    system = contact_system(basis, np.array(closed), alpha, friction)
-    assert system is not None  # the scheme that ran through it has its forces
-    return system

@@ -28,14 +28,13 @@ from workflow.models import Array, Cases, Structure, couples_free_modes, poles
 from workflow.schemes._exact.batch import ExactOperator, make_operator, run_batch
 from workflow.schemes._exact.closed_sets import ClosedSet
 from workflow.schemes._exact.set_motion import Budget
-from workflow.schemes._exact.trajectory import Linear, Trajectory, growth, one_case, propagators, trajectory
+from workflow.schemes._exact.trajectory import Trajectory, growth, one_case, propagators, trajectory
 from workflow.schemes._interface import Results, Sampling
 
 __all__ = [
     "Budget",
     "ClosedSet",
     "ExactOperator",
-    "Linear",
     "Options",
     "Trajectory",
     "amplification",

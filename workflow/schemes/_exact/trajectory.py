@@ -1,6 +1,6 @@
 """The exact motion of one case from any state, and its linear motion while a set of its contacts stays closed.
 
-Periodic orbits are searched with both: X' = A X + B w has propagators and a steady response.
+Periodic orbits are searched with both.
 """
 
 from __future__ import annotations
@@ -122,10 +122,10 @@ class OneCase(NamedTuple):
             raise InseparablePolesError
         return found
 
-    def linear(self, closed: NDArray[np.bool_]) -> Linear:
-        """Return the motion with a set of contacts closed."""
+    def system(self, closed: NDArray[np.bool_]) -> ContactSystem:
+        """Return the linear system of a set."""
         alpha, friction = float(self.conditions.alpha[0]), self.table.shared.friction
-        return _linear(self.basis, tuple(closed.tolist()), alpha, friction)
+        return _system(self.basis, tuple(closed.tolist()), alpha, friction)
 
 
 def one_case(operator: ExactOperator, cases: Cases, duration: float, *, heated: bool = False) -> OneCase:
@@ -222,40 +222,10 @@ def propagators(s: ClosedSet, spans: Array) -> Array:
     return np.asarray(changes.swapaxes(1, 2))
 
 
-@dataclass(frozen=True, eq=False)
-class Linear:
-    """The motion with a set of contacts closed in its modes Z = [z, z', τ], and the transform to X = [y, y', τ]."""
-
-    system: ContactSystem
-
-    def steady(self, case: Case, t: float) -> tuple[Array, Array]:
-        """Return X and the signals, gaps or contact forces ``(contact,)``, of the steady response to the loads at t.
-
-        Raises
-        ------
-        numpy.linalg.LinAlgError
-            There is none: a pole is that of a load.
-        """
-        own, m = self.system, len(self.system.place)
-        sources = [(0.0, case.constant.astype(complex))]
-        for (omega, phase, force, _), (cos, sin) in zip(case.waves, case.casing, strict=True):
-            moved = np.multiply.outer((1j * omega) ** np.arange(3), cos - 1j * sin)
-            inputs = np.concatenate([np.zeros(case.constant.size - 3 * m - 1), [-1j * force], moved.ravel()])
-            sources.append((omega, inputs * np.exp(1j * (omega * t + phase))))
-        Z, w = np.zeros(own.A.shape[0]), np.zeros(case.constant.size)
-        for omega, inputs in sources:
-            Z += np.linalg.solve(1j * omega * np.eye(Z.size) - own.A, own.B @ inputs).real
-            w += inputs.real
-        z, u, tau = np.split(Z, [own.null.shape[1], 2 * own.null.shape[1]])
-        d, rate = w[-3 * m : -2 * m], w[-2 * m : -m]
-        X = [own.null @ z + d @ own.place, own.null @ u + rate @ own.place, tau]
-        return np.concatenate(X), own.signals @ Z + own.inputs @ w
-
-
-@lru_cache(maxsize=8)
-def _linear(basis: ContactBasis, closed: tuple[bool, ...], alpha: float, friction: float) -> Linear:
-    """Return the motion with a set of contacts closed."""
+@lru_cache(maxsize=64)
+def _system(basis: ContactBasis, closed: tuple[bool, ...], alpha: float, friction: float) -> ContactSystem:
+    """Return the system of a set of closed contacts."""
     system = contact_system(basis, np.array(closed), alpha, friction)
     if system is None:
         raise InseparablePolesError
-    return Linear(system)
+    return system
