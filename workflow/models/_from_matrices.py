@@ -264,9 +264,7 @@ def _sparse_structure(matrices: GivenMatrices) -> Matrices:
     thermal = sparse_pair(matrices.conductance, matrices.heat_capacity, heat_rows)
     for pair, kind in ((mechanical, "displacements"), (thermal, "temperatures")):
         warn_of_fill(pair.stiffness, kind)
-        fault = pair.fault()
-        if fault is not None:
-            raise NotHeldError(f"{fault}, among {kind}")
+        pair.refuse_unusable(kind)
     if _is_loose(thermal.stiffness):
         raise NotHeldError("heat cannot leave some temperatures, nor reach the contact's")
     if mechanical.tip_stiffness == 0:

@@ -93,8 +93,9 @@ def given_by(
     size = mass.shape[0]
     labels, heat = _texts("labels", entries, size), _heat(entries, size)
     contacts = _contacts(entries, chosen, labels, (size, 0 if heat is None else len(heat["heating"])))
-    if warmth is None:
-        _refuse_shares(contacts)
+    total = max(contacts.heat.sum(axis=1).tolist(), key=lambda total: abs(total - 1))
+    if warmth is None and abs(total - 1) > _WHOLE:
+        raise UnusableMatricesError(f"the shares of `thermal_contact` are {total!r} in sum", "they must be 1 in sum")
     contacts = checked_contacts(contacts, residual)
     stiffness, steady = symmetric_entry(entries, "stiffness", size), _vector("steady", entries, size)
     if SPEED2[0] in entries:
@@ -196,12 +197,6 @@ def _contacts(entries: Entries, chosen: Chosen, labels: Sequence[str], sizes: tu
     }
     values["residual"] = values.pop("residual_flexibility", None)
     return Contacts(tuple(map(str, names)), normal, tangent, heat, **values)
-
-
-def _refuse_shares(contacts: Contacts) -> None:
-    worst = max(contacts.heat.sum(axis=1).tolist(), key=lambda total: abs(total - 1))
-    if abs(worst - 1) > _WHOLE:
-        raise UnusableMatricesError(f"the shares of `thermal_contact` are {worst!r} in sum", "they must be 1 in sum")
 
 
 def labels_of(entries: Entries, of_heat: bool) -> tuple[str, ...]:

@@ -239,13 +239,6 @@ class Pair(ABC):
         """Return a free expansion of this pair, K12 = -forces(expansion), for the springs of ``dense``."""
         return expansion
 
-    @property
-    def unit_tip(self) -> Array:
-        """e_n, 1 at the tip and 0 elsewhere, ``(coordinate,)``."""
-        unit = np.zeros(self.size)
-        unit[-1] = 1.0
-        return unit
-
     def inertia_of(self, u: Array) -> Array:
         """Return M u, ``(coordinate, …)``: inertia forces [N] of accelerations, or heat contents [J]."""
         return np.asarray(self.inertia @ u)

@@ -130,8 +130,9 @@ class SparsePair(Pair):
         held = self.boundary
         below = self.stiffness[:-held, -held:].toarray()
         shapes = np.vstack([np.column_stack([-self._interior(column) for column in below.T]), np.eye(held)])
+        longer = self.stiffness.astype(np.longdouble)  # the longest floats of the processor
         for shape in [*shapes.T] * _CORRECTIONS:
-            shape[:-held] -= self._interior(_product_with_more_digits(self.stiffness, shape)[:-held])
+            shape[:-held] -= self._interior((longer @ shape)[:-held].astype(np.float64))
         return shapes
 
     @property
@@ -212,16 +213,15 @@ class SparsePair(Pair):
             found = scipy.sparse.linalg.lobpcg(stiffness, start, inertia, scale, maxiter=_ITERATIONS, largest=True)
         return float(np.max(found[0]))
 
-    def fault(self) -> str | None:
-        """Return why the pair cannot be used: a tip without inertia, an indefinite matrix; or ``None``."""
+    def refuse_unusable(self, kind: str) -> None:
+        """Raise where the tip has no inertia or a matrix is indefinite; ``kind`` names the coordinates."""
         if not np.all(self.inertia.diagonal()[-self.boundary :] > 0):
-            return "the contact acts on what has no inertia"
+            raise NotHeldError(f"the contact acts on what has no inertia, among {kind}")
         for name, matrix in (("inertia", self.inertia), ("stiffness", self.stiffness)):
             diagonal = matrix.diagonal()
             root = scipy.sparse.diags_array(1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0)))
             if diagonal.min() < 0 or _spectrum_ends(scipy.sparse.csc_array(root @ matrix @ root))[0] < -_NEGATIVE:
-                return f"the {name} is indefinite"
-        return None
+                raise NotHeldError(f"the {name} is indefinite, among {kind}")
 
 
 def sparse_congruent(matrix: Any, basis: Any) -> scipy.sparse.csc_array:
@@ -230,16 +230,6 @@ def sparse_congruent(matrix: Any, basis: Any) -> scipy.sparse.csc_array:
     transformed = scipy.sparse.csc_array((transformed + transformed.T) / 2)
     transformed.sort_indices()
     return transformed
-
-
-def _product_with_more_digits(matrix: scipy.sparse.csc_array, vector: Array) -> Array:
-    """Return the product of a symmetric matrix and a vector, summed in the longest floats of the processor."""
-    longer = np.longdouble
-    terms = matrix.data.astype(longer) * vector.astype(longer)[matrix.indices]
-    filled = np.flatnonzero(np.diff(matrix.indptr))  # reduceat gives an empty column its neighbour's entry
-    sums = np.zeros(matrix.shape[1], dtype=longer)
-    sums[filled] = np.add.reduceat(terms, matrix.indptr[:-1][filled])
-    return sums.astype(np.float64)
 
 
 def _start(size: int) -> Array:

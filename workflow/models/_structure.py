@@ -222,11 +222,6 @@ class Structure(_OptionalParts):
             beside["damper"] = self.damper.toarray()
         return Matrices(*pairs, expansion(self.expansion), self.uniform_rise, self.damping, **beside)
 
-    @property
-    def sensor_count(self) -> int:
-        """Number of sensors."""
-        return 0 if self.sensors is None else len(self.sensors.shares)
-
     def sensed(self, shapes: Array, heat_shapes: Array) -> Array:
         """Return the rows of the sensors of modal coordinates, ``(sensor, mode + thermal mode)``."""
         if self.sensors is None:

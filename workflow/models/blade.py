@@ -10,7 +10,9 @@ from workflow.declare import Values, quantity, speed
 from workflow.kernels import Array
 from workflow.models._pair import UnusableMatricesError
 from workflow.models._structure import Rayleigh
-from workflow.models.chain import MOST_NODES, Chain, Spin, turned
+from workflow.models.chain import MOST_NODES, Chain, Spin, depends_on_speed, turned
+
+__all__ = ["EITHER", "Parameters", "assemble", "depends_on_speed"]
 
 _TIP_CELL = "length of the cell at the tip; others grow from it to the root by one factor; left out: all are equal"
 
@@ -66,11 +68,6 @@ class Parameters:
 
 EITHER = ("tip_stiffness", "youngs_modulus")
 """Parameters of which a study gives exactly one."""
-
-
-def depends_on_speed(parameters: Parameters) -> bool:
-    """Tell whether the structure depends on the scene's speed."""
-    return parameters.spin is not None
 
 
 def _fill(parameters: Parameters) -> Array:

@@ -261,7 +261,7 @@ def steady_rubs(structure: Structure, cases: Cases, options: Options) -> tuple[d
 
 def tabulated(found: Sequence[Settled], samples: int, structure: Structure) -> dict[str, Array]:
     """Return the variables of the outcomes of cases, or of points of a branch; NaN where there is no steady rub."""
-    sensors, contacts = structure.sensor_count, structure.contacts.count
+    sensors, contacts = 0 if structure.sensors is None else len(structure.sensors.shares), structure.contacts.count
     values: dict[str, Array] = {}
     for about in select(None, None, "steady", "steady sensors" if sensors else "steady"):
         own = (sensors,) if about.is_of_sensor else (contacts,) if about.is_of_contact and contacts > 1 else ()

@@ -58,7 +58,7 @@ def tip_cells(grid: Grid) -> dict[str, Any]:
         full, structure = (of(grid.settings(outer)) for of in (full_structure, reduced_structure))
         assert isinstance(full, Chain)
         half, capacity = full.lengths[-1] / 2, full.heat_capacities[-1]
-        warmed = np.linalg.solve(structure.heat_capacity, structure.thermal.unit_tip)[-1]
+        warmed = np.linalg.inv(structure.heat_capacity)[-1, -1]
         rows.append((half / (capacity * warmed), half, 2 * full.conduction[-1] * half**2 / capacity))
     if not rows:
         return {}
