@@ -185,7 +185,7 @@ def test_a_list_of_one_is_one_contact(tmp_path: Path) -> None:
     np.testing.assert_array_equal(cases_of(read(gap=5e-5, clearance=1e-5)).gaps, 6e-5)
     harmonics = [{"order": 2, "amplitude": 1e-6, "phase": 0.1}, {"frequency": 3, "amplitude": 1e-6}]
     turned = cases_of(read(gap=5e-5, harmonics=harmonics, angles=[0.4]))
-    np.testing.assert_allclose(turned.casing_seen_by(0).phase, [[0.9, 0.0]])
+    np.testing.assert_allclose(turned.casing_harmonics.phase + turned.turns[:, 0], [[0.9, 0.0]])
     with pytest.raises(StudyError, match=r"casing.gap: has 2 values where the model has 1 contact"):
         read(gap=[5e-5, 6e-5])
     with pytest.raises(StudyError, match=r"casing.angles: has 2 values where the model has 1 contact"):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -290,23 +289,6 @@ def free_modes(structure: Structure) -> FreeModes:
     return FreeModes(omega, damping, rates(structure))
 
 
-@dataclass(frozen=True, eq=False)
-class SchemeStep:
-    """A step of a scheme on a structure."""
-
-    scheme: Scheme
-    options: Any
-    h: float
-    """``scheme``, ``options``, ``h``: the scheme, its options and its step, s."""
-    structure: Structure
-    modes: FreeModes
-    """``structure``, ``modes``: the structure it steps, and its free modes."""
-    friction: tuple[float, float]
-    """Smallest and largest coefficient of friction of the cases."""
-    frequency: float
-    """Largest frequency of load and casing, Hz."""
-
-
 class StepCaution(NamedTuple):
     """An effect of a step, its amount in words (empty where it has none), and a number that grows with it."""
 
@@ -315,36 +297,47 @@ class StepCaution(NamedTuple):
     size: float
 
 
-def step_cautions(step: SchemeStep) -> Iterator[StepCaution]:
-    """Yield the cautions about a step: it diverges, or is unstable in contact, damps or is coarse."""
-    scheme, modes, h = step.scheme, step.modes, step.h
+def step_cautions(
+    scheme: Scheme,
+    options: Any,
+    h: float,
+    structure: Structure,
+    modes: FreeModes,
+    friction: tuple[float, float],
+    frequency: float,
+) -> Iterator[StepCaution]:
+    """Yield the cautions about a step h [s] on a structure: it diverges, or is unstable in contact, damps or is coarse.
+
+    ``modes`` are those of the structure, ``friction`` the ends of the cases' coefficients and ``frequency`` the largest
+    of load and casing, Hz.
+    """
     if "h" not in scheme.READS or scheme.amplification is None or scheme.thermal_amplification is None:
         return
-    free = np.abs(scheme.amplification(modes.omega, modes.damping, h, step.options))
-    heat = np.abs(scheme.thermal_amplification(modes.rates, h, step.options))
+    free = np.abs(scheme.amplification(modes.omega, modes.damping, h, options))
+    heat = np.abs(scheme.thermal_amplification(modes.rates, h, options))
     growth = float(max(free.max(initial=0.0), heat.max(initial=0.0)))
     if growth > 1 + _GROWS:
         yield StepCaution("diverges, its free step grows", f"{growth:.6g}-fold", growth)
         return
     if scheme.contact_limit is not None:
-        limit = min(scheme.contact_limit(step.structure, step.options, coefficient) for coefficient in step.friction)
+        limit = min(scheme.contact_limit(structure, options, coefficient) for coefficient in friction)
         if h > limit:
             yield StepCaution("is unstable in contact above a step of", f"{limit_text(limit)} s", -limit)
-    yield from _numerical_damping(scheme, step)
-    if step.frequency * h * _COARSE > 1:
-        yield StepCaution("takes few steps per load period,", f"{1 / (step.frequency * h):.3g}", step.frequency * h)
+    yield from _numerical_damping(scheme, options, h, modes)
+    if frequency * h * _COARSE > 1:
+        yield StepCaution("takes few steps per load period,", f"{1 / (frequency * h):.3g}", frequency * h)
 
 
-def _numerical_damping(scheme: Scheme, step: SchemeStep) -> Iterator[StepCaution]:
+def _numerical_damping(scheme: Scheme, options: Any, h: float, modes: FreeModes) -> Iterator[StepCaution]:
     """Yield the numerical damping of an underdamped first mode, where it exceeds the physical one.
 
     A step multiplies the mode by z = exp(s h) and damps it by ζ = -Re s/|s| of critical; z = 0 stops it at once.
     """
     assert scheme.amplification is not None
-    omega, damping = step.modes.omega[:1], step.modes.damping[:1]
+    omega, damping = modes.omega[:1], modes.damping[:1]
     if not (omega[0] > 0 and damping[0] < 2 * omega[0]):
         return
-    z = complex(scheme.amplification(omega, damping, step.h, step.options)[0, 0])
+    z = complex(scheme.amplification(omega, damping, h, options)[0, 0])
     exponent = complex(np.log(z)) if z else complex(-1.0)
     physical = float(damping[0] / (2 * omega[0]))
     numerical = (-exponent.real / abs(exponent) if exponent else 0.0) - physical

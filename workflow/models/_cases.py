@@ -95,13 +95,6 @@ class Harmonics:
             total += self.amplitude[:, k] * self.sine_cosine(k, t)[0]
         return total
 
-    def rate_at(self, t: float) -> Array:
-        """Return the time derivative Σ a_k 2π f_k cos(2π f_k t + φ_k) of the sum, ``(case,)``."""
-        total = np.zeros(self.amplitude.shape[0])
-        for k in range(self.width):
-            total += self.amplitude[:, k] * self.angular[:, k] * self.sine_cosine(k, t)[1]
-        return total
-
     def sine_cosine(self, k: int, t: float | Array) -> tuple[Array, Array]:
         """Return sine and cosine of 2π f_k t + φ_k, the same bits on every processor."""
         return elementwise.sine_cosine(2 * np.pi * (self.frequency[:, k] * t) + self.phase[:, k])
@@ -188,16 +181,16 @@ class Cases:
         """
         return self.load_harmonics.added(self.mean, t)
 
-    def casing_seen_by(self, contact: int) -> Harmonics:
-        """Return the harmonics of the casing with their phases at a contact."""
-        own = self.casing_harmonics
-        return Harmonics(own.amplitude, own.frequency, own.phase + self.turns[:, contact])
-
     def casing_of_contacts(self, t: float) -> tuple[Array, Array]:
         """Return d_i(t) = d_i + Σ a_k sin(2π f_k t + φ_k + k ψ_i) and its rate, m and m/s, ``(case, contact)``."""
-        seen = [(self.casing_seen_by(k), gap) for k, gap in enumerate(self.clearances.T)]
-        places, rates = zip(*((own.added(gap, t), own.rate_at(t)) for own, gap in seen), strict=True)
-        return np.stack(places, axis=1), np.stack(rates, axis=1)
+        own, places = self.casing_harmonics, self.clearances
+        rates = np.zeros_like(places)
+        for k in range(own.width):
+            phase = own.phase[:, k, None] + self.turns[:, :, k]
+            sine, cosine = elementwise.sine_cosine(2 * np.pi * (own.frequency[:, k, None] * t) + phase)
+            places += own.amplitude[:, k, None] * sine
+            rates += (own.amplitude * own.angular)[:, k, None] * cosine
+        return places, rates
 
     @cached_property
     def period_frequency(self) -> Array:

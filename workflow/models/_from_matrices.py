@@ -186,14 +186,12 @@ def _without_inertia(inertia: Array, name: str) -> tuple[NDArray[np.int64], NDAr
     with a row of zeros in M; but where incompatible modes of an element share a mass it is a difference of theirs.
     """
     scale = scale_of(inertia)
-    factor = pivots(inertia, name, scale)
-    rank = factor.upper.shape[0]
-    inertial, loose = np.sort(factor.order[:rank]), factor.order[rank:]
-    null = np.zeros((inertia.shape[0], loose.size))
-    null[factor.order[:rank]] = -solve_triangular(factor.upper[:, :rank], factor.upper[:, rank:])
+    upper, order = pivots(inertia, name, scale)
+    (first, loose), null = np.split(order, [len(upper)]), np.zeros((order.size, order.size - len(upper)))
+    null[first] = -solve_triangular(*np.split(upper, [len(upper)], axis=1))
     null *= scale[loose] / scale[:, None]
     null[loose, np.arange(loose.size)] = 1.0
-    return inertial, loose, null
+    return np.sort(first), loose, null
 
 
 def _static_response(stiffness: Array, null: Array, forces: Array, name: str) -> Array:

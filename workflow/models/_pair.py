@@ -55,15 +55,6 @@ def turning_at(revolutions: float) -> Iterator[None]:
         raise UnusableMatricesError(problem, remedy) from None
 
 
-class Factor(NamedTuple):
-    """R with A[order][:, order] = Rᵀ R + a remainder without a pivot above the threshold."""
-
-    upper: Array
-    """R, upper triangular with a positive diagonal, ``(rank, size)``."""
-    order: NDArray[np.int64]
-    """Rows of A in the order of pivoting, ``(size,)``."""
-
-
 class Part(NamedTuple):
     """A symmetric positive semi-definite matrix as deformationᵀ · deformation, ``(rank, coordinate)``."""
 
@@ -115,10 +106,10 @@ def factored(matrix: Array, name: str, basis: Array | None = None) -> Part:
     """
     basis = np.eye(matrix.shape[0]) if basis is None else basis
     scale = scale_of(np.abs(basis).T @ np.abs(matrix) @ np.abs(basis))
-    factor = pivots(congruent(matrix, basis), name, scale)
-    deformation = np.zeros_like(factor.upper)
-    deformation[:, factor.order] = factor.upper
-    return Part(deformation * scale, factor.order)
+    upper, order = pivots(congruent(matrix, basis), name, scale)
+    deformation = np.zeros_like(upper)
+    deformation[:, order] = upper
+    return Part(deformation * scale, order)
 
 
 def scale_of(matrix: Array) -> Array:
@@ -127,9 +118,10 @@ def scale_of(matrix: Array) -> Array:
     return np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
 
 
-def pivots(matrix: Array, name: str, scale: Array) -> Factor:
-    """Return the factor of a matrix divided by scales of its coordinates ``(coordinate,)``, with complete pivoting.
+def pivots(matrix: Array, name: str, scale: Array) -> tuple[Array, NDArray[np.int64]]:
+    """Return the factor R of a matrix divided by scales of its coordinates ``(coordinate,)``, and the order of pivots.
 
+    A[order][:, order] = Rᵀ R + a remainder without a pivot above the threshold, R upper triangular ``(rank, size)``.
     Source: Higham, Accuracy and stability of numerical algorithms (SIAM 2002), section 10.3: the rank found is that of
     a matrix within rounding of A.
     """
@@ -149,7 +141,7 @@ def pivots(matrix: Array, name: str, scale: Array) -> Factor:
         raise UnusableMatricesError(
             f"{name} is not positive semi-definite", "check signs and that it was assembled in full"
         )
-    return Factor(upper, order)
+    return upper, order
 
 
 MOST_FULL = 2000

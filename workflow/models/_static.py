@@ -235,14 +235,6 @@ class NoEquilibriumError(ValueError):
     """A structure has no equilibrium under its constant loads."""
 
 
-class _Equilibrium(NamedTuple):
-    """A state at rest, and the contacts that touch their casing."""
-
-    displacement: Array
-    temperature: Array
-    closed: NDArray[np.bool_]
-
-
 def _equilibrium(
     structure: Structure,
     static: ContactStatics,
@@ -252,8 +244,8 @@ def _equilibrium(
     friction: float,
     level: Array,
     hardening: float,
-) -> _Equilibrium:
-    """Return the state at rest under constant loads [N, W], with clearances d and levels F_y of a coating.
+) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Return x, θ and the contacts that touch, at rest under constant loads [N, W] with clearances d and levels F_y.
 
     K2 θ = q and K1 x + K12 θ = f - Σ λ_i (w_i - µ t_i) with 0 <= d - w x + (R - µ R^t + c) λ ⊥ λ >= 0. At rest contact
     makes no heat. Where contacts move a structure without deforming it, it rests on as many of them as it has such
@@ -289,7 +281,7 @@ def _equilibrium(
     elif not contacts.is_compliant:  # where the free place is far beyond the gap, forces have too few digits
         held = static.answers[pressed > 0]
         x = x + np.linalg.solve(contacts.normal[pressed > 0] @ held.T, apart[pressed > 0]) @ held
-    return _Equilibrium(x, temperature, (pressed > 0) | (contacts.normal @ x >= own))
+    return x, temperature, (pressed > 0) | (contacts.normal @ x >= own)
 
 
 def _pressed(static: ContactStatics, force: Array, push: Array, apart: Array, friction: float) -> Array:

@@ -36,6 +36,7 @@ from workflow.orbits._branch import (
 )
 from workflow.orbits._curve import Curve, Residual, section_beside, turned
 from workflow.orbits._orbit import has_converged
+from workflow.orbits._shooting import shoot
 
 Pair = Callable[[float, float], tuple[Structure, Cases]]
 """Structure and one case at values of the branched parameter and of another number."""
@@ -134,12 +135,13 @@ class _Boundary:
         self.start = np.concatenate([self.w, point.times, self.angles, [point.q, q2]])
         self.events = point.times.size
         self.borders: tuple[Array, Array] | None = None
-        self.order = order_of_events(point.orbit)
+        self.order, self.other = order_of_events(point.orbit), np.nan
 
     def set_other(self, q2: float) -> None:
         """Set the other number of the curve's problem."""
         other = self.low + q2 * (self.high - self.low)
-        self.curve.problem = lambda value: self.problem(value, other)
+        if other != self.other:
+            self.other, self.curve.problem = other, lambda value: self.problem(value, other)
 
     def residual(self, U: Array) -> Residual | None:
         """Return the residual of the orbit; ``None`` where there is none."""
@@ -284,14 +286,13 @@ class _Boundary:
         later = section_beside(times)
         if frame.word is None or later is None:
             return spot
-        i, ends = int(np.sum(times <= later)), []
-        for U in (spot.U, spot.U + _DIFFERENCE * spot.tangent):
-            self.set_other(U[-1])
-            moved = self.curve.carried(frame, np.append(U[:at], U[-2]), i, later)
-            ends.append(np.concatenate([moved[:-1], U[at:]]))
+        i, ahead = int(np.sum(times <= later)), np.zeros(spot.U.size)
+        ahead[-2:] = spot.tangent[-2:]
+        self.set_other(spot.U[-1])
+        moved = self.curve.carried(frame, np.append(spot.U[:at], spot.U[-2]), i, later)
         self.frame = turned(frame, i, later, frame.was_closed)
         self.grazing = None if spot.grazing is None else (spot.grazing - i) % self.events
-        return self.spot(self.values(ends[0]), (ends[1] - ends[0]) / _DIFFERENCE, spot.arclength) or spot
+        return self.spot(self.values(np.concatenate([moved[:-1], spot.U[at:]])), ahead, spot.arclength) or spot
 
     def is_motion(self, found: _Solved) -> bool:
         """Tell whether the exact motion over kT is the orbit, and a complex multiplier is one."""
@@ -365,7 +366,7 @@ class _Boundary:
         shot = spot.residual.shot
         if spot.grazing is not None and shot is not None:
             word, times = shot.word.without(spot.grazing), np.delete(shot.times, spot.grazing)
-            shot = shot.case.shoot(word, shot.states[0], shot.begin, shot.span, times)
+            shot = shoot(shot.flow, word, shot.states[0], shot.begin, shot.span, times)
             return np.nan, float(np.abs(eigenvalues(shot.derivative)).max(initial=0.0))
         values = eigenvalues(spot.residual.orbit.D)
         angle = {FOLD: 0.0, PERIOD_DOUBLING: np.pi}.get(self.kind, float(spot.U[-3]) if self.kind == TORUS else 0.0)

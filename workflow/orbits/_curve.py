@@ -18,7 +18,7 @@ from workflow.kernels.algebra import block_diagonal
 from workflow.models import Array, Cases, Structure
 from workflow.orbits._flow import Flow, analysed
 from workflow.orbits._orbit import Orbit, has_converged
-from workflow.orbits._shooting import LEAVES, Shooting, Shot, Word, tells_apart, word_of
+from workflow.orbits._shooting import LEAVES, Shot, Word, shoot, tells_apart, word_of
 from workflow.schemes.event_driven import ExactOperator, Trajectory
 
 Problem = Callable[[float], tuple[Structure, Cases]]
@@ -142,6 +142,7 @@ class Curve:
         self.scale: Array | None = None
         self.first: Structure | None = None
         self.shared: ExactOperator | None = None
+        self.known: tuple[tuple[Problem, float], Flow] | None = None
         self.charts: tuple[Structure, Array, Array] | None = None
         self.heated = heated or any(problem(self.value(q))[1].heated.any() for q in (0.0, 0.5, 1.0))
 
@@ -151,10 +152,13 @@ class Curve:
 
     def flow(self, q: float) -> Flow:
         """Return the case at q; cases of one structure share its operator."""
-        structure, cases = self.problem(self.value(q))
-        if self.shared is None or structure is not self.shared.structure:
-            self.shared = analysed(structure)
-        return Flow(self.shared, cases, heated=self.heated)
+        at = self.problem, self.value(q)
+        if self.known is None or self.known[0] != at:
+            structure, cases = self.problem(at[1])
+            if self.shared is None or structure is not self.shared.structure:
+                self.shared = analysed(structure)
+            self.known = at, Flow(self.shared, cases, heated=self.heated)
+        return self.known[1]
 
     def begin(self, orbit: Orbit, scale: Array, q: float) -> Point | None:
         """Return an orbit as the first point of the curve, with a tangent towards larger q."""
@@ -316,7 +320,7 @@ class Curve:
         out, into = self._charts(flow)
         N = len(out)
         begin, span = frame.phase * flow.period, frame.order * flow.period
-        shot = Shooting(flow).shoot(word, into @ u[:N], begin, span, u[N:-1])
+        shot = shoot(flow, word, into @ u[:N], begin, span, u[N:-1])
         slopes = shot.X_slope, shot.signals_slope, shot.approach_slope
         if not all(np.isfinite(each).all() for each in slopes):
             return None
@@ -397,7 +401,7 @@ class Curve:
         X, times = into @ u[: len(into)], u[len(into) : -1]
         if frame.word is None:
             return np.append(out @ flow.march(X, frame.was_closed, begin, later * span).X, u[-1])
-        X = Shooting(flow).shoot(frame.word, X, begin, span, times).at(later, i)
+        X = shoot(flow, frame.word, X, begin, span, times).at(later, i)
         return np.concatenate([out @ X, times[i:] - later, times[:i] + 1 - later, u[-1:]])
 
 

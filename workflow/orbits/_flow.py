@@ -17,9 +17,10 @@ from functools import cached_property
 from math import lcm
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import expm, matrix_balance
 
-from workflow.kernels.algebra import connected_parts
+from workflow.kernels.algebra import block_diagonal, connected_parts
 from workflow.models import Array, Cases, Structure
 from workflow.schemes.event_driven import (
     Budget,
@@ -88,40 +89,37 @@ class Flow:
         self.struck = np.hstack([none, self.friction * basis.tangent - basis.normal, self.alpha * basis.heat])
         """Jump of X by an impulse at each contact, ``(contact, N)``."""
 
+        self._motions: dict[tuple[bool, ...], SetMotion] = {}
+
+    @cached_property
+    def turn(self) -> Array:
+        """The rate of the sources, w' = turn w, of w = [1, cos ψ, sin ψ, …] for all sinusoids."""
+        cos = np.arange(1, 1 + 2 * len(self.load.waves), 2)
+        turn = np.zeros((1 + 2 * cos.size, 1 + 2 * cos.size))
+        turn[cos, cos + 1], turn[cos + 1, cos] = -self.load.waves[:, 0], self.load.waves[:, 0]
+        return turn
+
     @cached_property
     def inputs(self) -> Array:
         """Inputs [g, q, F, d, d', d''] per source, ``(input, source)``."""
-        inputs, m = np.zeros((self.load.constant.size, 1 + 2 * len(self.load.waves))), self.contacts
-        inputs[:, 0] = self.load.constant
-        for k, (omega, _, force, _) in enumerate(self.load.waves):
-            cos, sin = self.load.casing[k]
-            for j, (a, b) in enumerate(((cos, sin), (sin, -cos))):  # per cos ψ, per sin ψ: d = a, d' = ω b
-                inputs[-3 * m :, 1 + 2 * k + j] = np.concatenate([a, omega * b, -(omega**2) * a])
-            inputs[-3 * m - 1, 2 + 2 * k] = force
+        inputs, m = np.zeros((self.load.constant.size, len(self.turn))), self.contacts
+        inputs[:, 0], inputs[-3 * m - 1, 2::2] = self.load.constant, self.load.waves[:, 2]
+        inputs[-3 * m : -2 * m, 1::2], inputs[-3 * m : -2 * m, 2::2] = self.load.casing.T.swapaxes(0, 1)
+        inputs[-2 * m : -m] = inputs[-3 * m : -2 * m] @ self.turn
+        inputs[-m:] = inputs[-2 * m : -m] @ self.turn
         return inputs
 
     def sources(self, t: float) -> Array:
-        """Return w = [1, cos ψ, sin ψ, …] of all sinusoids at a time, ψ = ω t + φ."""
+        """Return w at a time, ψ = ω t + φ."""
         angle = self.load.waves[:, 0] * t + self.load.waves[:, 1]
         return np.concatenate([[1.0], np.column_stack([np.cos(angle), np.sin(angle)]).ravel()])
 
-    def steady(self, closed: NDArray[np.bool_]) -> tuple[Array, Array]:
-        """Return X and the gaps or contact forces ``(contact,)`` of the steady response at t = 0 with contacts closed.
-
-        Raises
-        ------
-        numpy.linalg.LinAlgError
-            There is none: a pole is that of a load.
-        """
-        own, w, m = self.one.system(closed), self.inputs @ self.sources(0.0), self.contacts
-        B = own.B @ self.inputs
-        Z = np.linalg.solve(-own.A, B[:, 0])
-        for (omega, phase, _, _), cos, sin in zip(self.load.waves, B.T[1::2], B.T[2::2], strict=True):
-            Z += np.linalg.solve(1j * omega * np.eye(Z.size) - own.A, (cos - 1j * sin) * np.exp(1j * phase)).real
-        z, u, tau = np.split(Z, [own.null.shape[1], 2 * own.null.shape[1]])
-        d, rate = w[-3 * m : -2 * m], w[-2 * m : -m]
-        X = [own.null @ z + d @ own.place, own.null @ u + rate @ own.place, tau]
-        return np.concatenate(X), own.signals @ Z + own.inputs @ w
+    def motion_in(self, closed: ArrayLike) -> SetMotion:
+        """Return the linear motion of a set of closed contacts."""
+        key = tuple(np.asarray(closed).tolist())
+        if key not in self._motions:
+            self._motions[key] = SetMotion(self, np.array(key))
+        return self._motions[key]
 
     @cached_property
     def coupled(self) -> NDArray[np.bool_]:
@@ -249,12 +247,54 @@ class Flow:
 
     def _rates(self, X: Array, t: float, closed: NDArray[np.bool_]) -> Array:
         """Return X' of a state with contacts with mass closed, ``(N,)``."""
-        own, w, S = self.one.system(self.all_open), self.inputs @ self.sources(t), np.flatnonzero(closed)
+        own, w, S = self.motion_in(self.all_open), self.sources(t), np.flatnonzero(closed)
         rates = own.A @ X + own.B @ w
-        excess = self.one.basis.normal[S] @ rates[self.modes : 2 * self.modes] - w[-self.contacts :][S]
+        excess = self.one.basis.normal[S] @ rates[self.modes : 2 * self.modes] - (self.inputs[-self.contacts :] @ w)[S]
         return np.asarray(rates + np.linalg.solve(self.delassus[np.ix_(S, S)], excess) @ self.struck[S])
 
     def place_of(self, contact: int, t: Array) -> Array:
         """Return the place of the casing at a contact, m, ``(time,)``."""
         row = self.inputs[contact - 3 * self.contacts]
         return np.array([row @ self.sources(each) for each in t.tolist()])
+
+
+class SetMotion:
+    """The linear motion of a set of closed contacts, Z' = A Z + B w, and its transforms from and to X."""
+
+    def __init__(self, flow: Flow, closed: NDArray[np.bool_]):
+        self.flow, system, m = flow, flow.one.system(closed), flow.contacts
+        self.A, self.B = system.A, system.B @ flow.inputs
+        self.signals, self.signal_inputs = system.signals, system.inputs @ flow.inputs
+        self.leave = block_diagonal(system.null, system.null, np.eye(flow.heats))
+        follows = [system.place.T @ flow.inputs[rows] for rows in (slice(-3 * m, -2 * m), slice(-2 * m, -m))]
+        self.place = np.vstack([*follows, np.zeros((flow.heats, len(flow.turn)))])
+        self._known: dict[float, tuple[Array, Array]] = {}
+
+    @cached_property
+    def _balanced(self) -> tuple[Array, Array]:
+        """The matrix of [Z, w], balanced, and the scales of that."""
+        turn = self.flow.turn
+        whole = np.block([[self.A, self.B], [np.zeros((len(turn), len(self.A))), turn]])
+        balanced, (scale, _) = matrix_balance(whole, permute=False, separate=True)
+        return balanced, scale
+
+    def over(self, span: float) -> tuple[Array, Array]:
+        """Return Z after a time per Z before and per w before."""
+        if span not in self._known:
+            (balanced, scale), size = self._balanced, len(self.A)
+            moved = scale[:size, None] * expm(balanced * span)[:size] / scale
+            self._known[span] = moved[:, :size], moved[:, size:]
+        return self._known[span]
+
+    def steady(self) -> tuple[Array, Array]:
+        """Return X and the gaps or contact forces ``(contact,)`` of the steady response at t = 0.
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            There is none: a pole is that of a load.
+        """
+        Z, w = np.linalg.solve(-self.A, self.B[:, 0]), self.flow.sources(0.0)
+        for (omega, phase, _, _), cos, sin in zip(self.flow.load.waves, self.B.T[1::2], self.B.T[2::2], strict=True):
+            Z += np.linalg.solve(1j * omega * np.eye(Z.size) - self.A, (cos - 1j * sin) * np.exp(1j * phase)).real
+        return self.leave @ Z + self.place @ w, self.signals @ Z + self.signal_inputs @ w

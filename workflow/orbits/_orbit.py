@@ -118,7 +118,7 @@ def without_events(flow: Flow, closed: NDArray[np.bool_], scale: Array) -> Orbit
     Under constant loads it is an equilibrium.
     """
     try:
-        X, signals = flow.steady(closed)
+        X, signals = flow.motion_in(closed).steady()
     except np.linalg.LinAlgError:
         return None
     if not (np.isfinite(X).all() and (signals > 0).all()):

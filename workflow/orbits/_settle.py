@@ -207,11 +207,11 @@ def _grows_in_contact(flow: Flow, X: Array, closed: NDArray[np.bool_]) -> bool:
 
     The fastest growth must be real: a flutter lifts the tip.
     """
-    poles = eigenvalues(flow.one.system(closed).A)
+    poles = eigenvalues(flow.motion_in(closed).A)
     if poles[np.argmax(poles.real)].imag != 0:
         return False
     try:
-        rest, _ = flow.steady(closed)
+        rest, _ = flow.motion_in(closed).steady()
     except np.linalg.LinAlgError:
         return False
     number, deviation = 1, X - rest

@@ -14,10 +14,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import expm, matrix_balance
 from scipy.optimize import brentq
 
-from workflow.kernels.algebra import block_diagonal
 from workflow.models import Array
 from workflow.orbits._flow import Flow
 from workflow.schemes.event_driven import Trajectory
@@ -89,7 +87,7 @@ def tells_apart(motion: Trajectory) -> bool:
 class Shot:
     """The motion from X over given times of events, and its derivatives per (X, times)."""
 
-    case: Shooting
+    flow: Flow
     word: Word
     begin: float
     span: float
@@ -117,17 +115,17 @@ class Shot:
 
     def at(self, time: float, stretch: int) -> Array:
         """Return X at a time, over the span, of the motion in a stretch."""
-        own, before = self.case.set_of(self.word.closed[stretch]), float(self.times[stretch - 1]) if stretch else 0.0
+        own, before = self.flow.motion_in(self.word.closed[stretch]), float(self.times[stretch - 1]) if stretch else 0.0
         factor, forced = own.over((time - before) * self.span)
-        Z = factor @ own.enter @ self.states[stretch] + forced @ self.case.sources(self.begin + before * self.span)
-        return np.asarray(own.leave @ Z + own.place @ self.case.sources(self.begin + time * self.span))
+        Z = factor @ own.leave.T @ self.states[stretch] + forced @ self.flow.sources(self.begin + before * self.span)
+        return np.asarray(own.leave @ Z + own.place @ self.flow.sources(self.begin + time * self.span))
 
     def flight(self, time: float, stretch: int, contact: int) -> tuple[float, float]:
         """Return gap and approach speed of a contact at a time, over the span, in a stretch."""
-        X, w, case = self.at(time, stretch), self.case.sources(self.begin + time * self.span), self.case
-        place, speed = case.inputs[-3 * case.m + contact] @ w, case.inputs[-2 * case.m + contact] @ w
-        n = case.flow.modes
-        return float(place - case.basis.normal[contact] @ X[:n]), float(case.speed[contact] @ X - speed)
+        n, m, normal = self.flow.modes, self.flow.contacts, self.flow.one.basis.normal[contact]
+        X, w = self.at(time, stretch), self.flow.sources(self.begin + time * self.span)
+        place, speed = self.flow.inputs[[contact - 3 * m, contact - 2 * m]] @ w
+        return float(place - normal @ X[:n]), float(normal @ X[n : 2 * n] - speed)
 
     def is_motion(self, motion: Trajectory, grazing: int | None = None) -> bool:
         """Tell whether the exact motion from here has these events, with approach speeds above 0.
@@ -165,92 +163,47 @@ class Shot:
         return k, contact, float(brentq(lambda time: self.flight(time, k, contact)[1], *ends))
 
 
-class Shooting:
-    """The motions of one case over given times of events."""
-
-    def __init__(self, flow: Flow):
-        self.flow, self.basis, self.m = flow, flow.one.basis, flow.contacts
-        n, waves = flow.modes, flow.load.waves[:, 0]
-        self.speed = np.zeros((self.m, flow.start.size))
-        self.speed[:, n : 2 * n] = self.basis.normal
-        self.inputs, self.sources = flow.inputs, flow.sources
-        turn = np.zeros((1 + 2 * waves.size, 1 + 2 * waves.size))  # w' = turn w
-        for k, omega in enumerate(waves):
-            turn[1 + 2 * k, 2 + 2 * k], turn[2 + 2 * k, 1 + 2 * k] = -omega, omega
-        self.turn = turn
-        self.sets: dict[tuple[bool, ...], _Set] = {}
-
-    def set_of(self, closed: tuple[bool, ...]) -> _Set:
-        """Return the linear motion of a set."""
-        if closed not in self.sets:
-            self.sets[closed] = _Set(self, closed)
-        return self.sets[closed]
-
-    def jump(self, closed: tuple[bool, ...], contact: int, kind: int) -> Array:
-        """Return the jump of X per approach speed at an event: 0 of contacts without mass, and where one ends."""
-        if kind == LEAVES or self.basis.contacts.is_compliant:
-            return np.zeros(self.speed.shape[1])
-        acting = np.array([i for i in range(self.m) if closed[i] or i == contact])
-        law = 1.0 + (self.flow.e if kind != BEGINS else 0.0)
-        p = np.linalg.solve(self.flow.delassus[np.ix_(acting, acting)], law * (acting == contact))
-        return np.asarray(p @ self.flow.struck[acting])
-
-    def shoot(self, word: Word, X: Array, begin: float, span: float, fractions: Array) -> Shot:
-        """Return the motion from X at ``begin`` over ``span`` [s], with events at fractions of it."""
-        N, E = X.size, fractions.size
-        slope, states, before = np.eye(N, N + E), [X], 0.0
-        signals, approach = np.zeros(E), np.zeros(E)
-        signals_slope, approach_slope = np.zeros((E, N + E)), np.zeros((E, N + E))
-        for i in range(E + 1):
-            own, end = self.set_of(word.closed[i]), float(fractions[i]) if i < E else 1.0
-            w, w1 = self.sources(begin + before * span), self.sources(begin + end * span)
-            factor, forced = own.over((end - before) * span)
-            Z0 = own.enter @ X
-            Z = factor @ Z0 + forced @ w
-            moved = factor @ own.enter @ slope
-            if i > 0:
-                moved[:, N + i - 1] -= span * (factor @ (own.A @ Z0 + own.B @ w))
-            rate, turned = own.A @ Z + own.B @ w1, self.turn @ w1
-            X, slope = own.leave @ Z + own.place @ w1, own.leave @ moved
-            if i == E:
-                break
-            c, at = word.contact[i], N + i
-            slope[:, at] += span * (own.leave @ rate + own.place @ turned)
-            signals[i] = own.signals[c] @ Z + own.signal_inputs[c] @ w1
-            signals_slope[i] = own.signals[c] @ moved
-            signals_slope[i, at] += span * (own.signals[c] @ rate + own.signal_inputs[c] @ turned)
-            casing = self.inputs[-2 * self.m + c]  # d' per w
-            approach[i] = self.speed[c] @ X - casing @ w1
-            approach_slope[i] = self.speed[c] @ slope
-            approach_slope[i, at] -= span * (casing @ turned)
-            jump = self.jump(word.closed[i], c, word.kind[i])
-            X, slope = X + jump * approach[i], slope + np.outer(jump, approach_slope[i])
-            states.append(X)
-            before = end
-        events = begin, span, fractions
-        return Shot(self, word, *events, X, signals, approach, np.array(states), slope, signals_slope, approach_slope)
+def _jump(flow: Flow, closed: tuple[bool, ...], contact: int, kind: int) -> Array:
+    """Return the jump of X per approach speed at an event: 0 of contacts without mass, and where one ends."""
+    if kind == LEAVES or flow.structure.contacts.is_compliant:
+        return np.zeros(flow.start.size)
+    acting = np.array([i for i in range(flow.contacts) if closed[i] or i == contact])
+    law = 1.0 + (flow.e if kind != BEGINS else 0.0)
+    p = np.linalg.solve(flow.delassus[np.ix_(acting, acting)], law * (acting == contact))
+    return np.asarray(p @ flow.struck[acting])
 
 
-class _Set:
-    """The linear motion of a set of closed contacts, Z' = A Z + B w, and its transforms from and to X."""
-
-    def __init__(self, case: Shooting, closed: tuple[bool, ...]):
-        flow, turn, m = case.flow, case.turn, case.m
-        system = flow.one.system(np.array(closed))
-        self.A, self.B = system.A, system.B @ case.inputs
-        self.signals, self.signal_inputs = system.signals, system.inputs @ case.inputs
-        self.leave = block_diagonal(system.null, system.null, np.eye(flow.heats))
-        self.enter = block_diagonal(system.null.T, system.null.T, np.eye(flow.heats))
-        follows = [system.place.T @ case.inputs[rows] for rows in (slice(-3 * m, -2 * m), slice(-2 * m, -m))]
-        self.place = np.vstack([*follows, np.zeros((flow.heats, len(turn)))])
-        whole = np.block([[self.A, self.B], [np.zeros((len(turn), len(self.A))), turn]])
-        self._matrix, (self._scale, _) = matrix_balance(whole, permute=False, separate=True)
-        self._known: dict[float, tuple[Array, Array]] = {}
-
-    def over(self, span: float) -> tuple[Array, Array]:
-        """Return Z after a time per Z before and per w before."""
-        if span not in self._known:
-            size = len(self.A)
-            moved = self._scale[:size, None] * expm(self._matrix * span)[:size] / self._scale
-            self._known[span] = moved[:, :size], moved[:, size:]
-        return self._known[span]
+def shoot(flow: Flow, word: Word, X: Array, begin: float, span: float, fractions: Array) -> Shot:
+    """Return the motion of a case from X at ``begin`` over ``span`` [s], with events at fractions of it."""
+    N, E, velocities = X.size, fractions.size, slice(flow.modes, 2 * flow.modes)
+    slope, states, before = np.eye(N, N + E), [X], 0.0
+    signals, approach = np.zeros(E), np.zeros(E)
+    signals_slope, approach_slope = np.zeros((E, N + E)), np.zeros((E, N + E))
+    for i in range(E + 1):
+        own, end = flow.motion_in(word.closed[i]), float(fractions[i]) if i < E else 1.0
+        w, w1 = flow.sources(begin + before * span), flow.sources(begin + end * span)
+        factor, forced = own.over((end - before) * span)
+        Z0 = own.leave.T @ X
+        Z = factor @ Z0 + forced @ w
+        moved = factor @ own.leave.T @ slope
+        if i > 0:
+            moved[:, N + i - 1] -= span * (factor @ (own.A @ Z0 + own.B @ w))
+        rate, turned = own.A @ Z + own.B @ w1, flow.turn @ w1
+        X, slope = own.leave @ Z + own.place @ w1, own.leave @ moved
+        if i == E:
+            break
+        c, at = word.contact[i], N + i
+        normal, casing = flow.one.basis.normal[c], flow.inputs[c - 2 * flow.contacts]  # casing: d' per w
+        slope[:, at] += span * (own.leave @ rate + own.place @ turned)
+        signals[i] = own.signals[c] @ Z + own.signal_inputs[c] @ w1
+        signals_slope[i] = own.signals[c] @ moved
+        signals_slope[i, at] += span * (own.signals[c] @ rate + own.signal_inputs[c] @ turned)
+        approach[i] = normal @ X[velocities] - casing @ w1
+        approach_slope[i] = normal @ slope[velocities]
+        approach_slope[i, at] -= span * (casing @ turned)
+        jump = _jump(flow, word.closed[i], c, word.kind[i])
+        X, slope = X + jump * approach[i], slope + np.outer(jump, approach_slope[i])
+        states.append(X)
+        before = end
+    events = begin, span, fractions
+    return Shot(flow, word, *events, X, signals, approach, np.array(states), slope, signals_slope, approach_slope)

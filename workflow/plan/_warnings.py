@@ -415,8 +415,7 @@ def _cautions(grid: Grid, settings: CaseSettings) -> Iterator[_Caution]:
     refusal = scheme.refusal(structure, options)
     if refusal is None:
         modes, ends = _free_modes(reduced(settings)), ends_of_friction(grid, settings)[0]
-        step = cautions.SchemeStep(scheme, options, settings.h, structure, modes, ends, grid.fastest)
-        said = list(cautions.step_cautions(step))
+        said = list(cautions.step_cautions(scheme, options, settings.h, structure, modes, ends, grid.fastest))
     else:
         basis = f" with {settings.reduction}" if structure.contacts.is_massless else ""
         said = [cautions.StepCaution(f"fails{basis}, as {refusal}", "", 0.0)]
