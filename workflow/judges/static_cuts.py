@@ -37,7 +37,7 @@ def static_cut(structure: Structure, cases: Cases) -> StaticCut | None:
     if not np.isfinite([*reach, *flexibility]).all():
         return None
     waves, moves, turning = cases.load_harmonics, cases.casing_harmonics, coating.speed[0]
-    place = rows.normal @ pair.solve(load) + cases.mean[0] * rows.residual_load_or_zero - cases.clearances[0]
+    place = rows.normal @ pair.solve(load) + cases.mean[0] * rows.residual_load - cases.clearances[0]
     inside = np.tile((place + reach * waves.reach[0])[:, None], ANGLES.size)
     for amplitude, frequency, phase in zip(*(row[0] for row in moves.rows), strict=True):
         order = np.round(frequency / turning) if turning > 0 else np.nan

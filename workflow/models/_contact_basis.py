@@ -56,15 +56,9 @@ class ContactBasis:
     """Rows of sensors, ``(sensor, mode + thermal mode)``."""
 
     @property
-    def residual_load(self) -> Array:
-        """ρ, m/N, ``(contact,)``."""
-        return self.contacts.residual_load_or_zero
-
-    @property
     def residual_coupling(self) -> Array:
         """R per thermal mode, m, ``(contact, thermal mode)``."""
-        own = self.contacts.residual_coupling
-        return np.zeros(self.heat.shape) if own is None else own @ self.heat_shapes
+        return np.asarray(self.contacts.residual_coupling @ self.heat_shapes)
 
     @property
     def size(self) -> int:

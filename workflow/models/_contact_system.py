@@ -81,7 +81,7 @@ def contact_system(
     depth, depth_inputs = np.zeros((m, size)), np.zeros((m, basis.inputs))  # x_i - d_i without forces
     depth[:, z], depth[:, tau] = basis.normal @ null, -basis.residual_coupling
     depth[S, :still] = 0.0
-    depth_inputs[:, F], depth_inputs[:, d] = basis.residual_load, basis.normal @ lift
+    depth_inputs[:, F], depth_inputs[:, d] = contacts.residual_load, basis.normal @ lift
     depth_inputs[:, F + 1 : F + 1 + m] -= np.eye(m)
     if contacts.is_compliant:
         force, force_inputs = inverse @ depth[S], inverse @ depth_inputs[S]

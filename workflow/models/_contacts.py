@@ -11,7 +11,7 @@ are finite, and there is no impact law.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any
 
@@ -50,17 +50,24 @@ class Contacts:
     growth_at_once: Array | float = 0.0
     """Static growth by heat loads on temperatures without heat capacity, m, ``(contact,)``."""
     residual: Array | None = None
-    residual_tangent: Array | None = None
-    """``residual``, ``residual_tangent``: R = w ΔF wᵀ and R^t = w ΔF tᵀ, m/N, ``(contact, contact)``; ``None`` for
-    contacts with mass."""
-    residual_coupling: Array | None = None
-    """r = w ΔF K12, m/K, ``(contact, thermal)``."""
-    residual_load: Array | None = None
-    """ρ = w ΔF b, m/N, ``(contact,)``."""
+    """R = w ΔF wᵀ, m/N, ``(contact, contact)``; ``None`` for contacts with mass."""
+    residual_tangent: Array = field(default_factory=lambda: np.zeros(0))
+    """R^t = w ΔF tᵀ, m/N, ``(contact, contact)``; 0 by default."""
+    residual_coupling: Array = field(default_factory=lambda: np.zeros(0))
+    """r = w ΔF K12, m/K, ``(contact, thermal)``; 0 by default."""
+    residual_load: Array = field(default_factory=lambda: np.zeros(0))
+    """ρ = w ΔF b, m/N, ``(contact,)``; 0 by default."""
     residual_steady: Array | None = None
     """x̄ = w ΔF f̄, m, ``(contact,)``: the residual's answer to the constant loads of the file."""
     casing_flexibility: float = 0.0
     """c of an elastic casing, m/N; 0 for a rigid one."""
+
+    def __post_init__(self) -> None:
+        """Fill the residuals that are left out."""
+        shapes = {"tangent": (self.count, self.count), "coupling": self.heat.shape, "load": (self.count,)}
+        for name, shape in shapes.items():
+            if not getattr(self, f"residual_{name}").size:
+                object.__setattr__(self, f"residual_{name}", np.zeros(shape))
 
     @property
     def count(self) -> int:
@@ -93,11 +100,6 @@ class Contacts:
         return self.is_massless or self.casing_flexibility > 0
 
     @property
-    def residual_load_or_zero(self) -> Array:
-        """ρ, m/N, ``(contact,)``, 0 where there is none."""
-        return np.zeros(self.count) if self.residual_load is None else self.residual_load
-
-    @property
     def opposite(self) -> list[tuple[int, int, float]]:
         """Pairs i < j of stops with w_j = -c w_i, of contacts without mass x_j = -c x_i under all forces, and c.
 
@@ -122,16 +124,12 @@ class Contacts:
 
     def with_residual(self, **more: Array) -> Contacts:
         """Return the contacts with these residuals added to their own."""
-        both: dict[str, Any] = {name: (getattr(self, name), value) for name, value in more.items()}
-        return replace(self, **{name: new if own is None else own + new for name, (own, new) in both.items()})
+        residual = more.pop("residual") + (0.0 if self.residual is None else self.residual)
+        return replace(self, residual=residual, **{name: getattr(self, name) + new for name, new in more.items()})
 
     def flexibility(self, friction: float) -> Array:
         """Return R - µ R^t, m/N, ``(contact, contact)``."""
-        if self.residual is None:
-            return np.zeros((self.count, self.count))
-        if friction == 0 or self.residual_tangent is None:
-            return self.residual
-        return np.asarray(self.residual - friction * self.residual_tangent)
+        return np.asarray((0.0 if self.residual is None else self.residual) - friction * self.residual_tangent)
 
     def compliance(self, friction: float) -> Array:
         """Return R - µ R^t + c, m/N, ``(contact, contact)``."""

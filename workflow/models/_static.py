@@ -56,8 +56,7 @@ def _answers(structure: Structure) -> tuple[Array, Array]:
     if contacts.growth is not None:
         return np.array(answers), contacts.growth
     growth = [pair.work(*both, structure.expansion) for both in zip(answers, deformations, strict=True)]
-    own = 0.0 if contacts.residual_coupling is None else contacts.residual_coupling
-    return np.array(answers), np.array(growth) - own
+    return np.array(answers), np.array(growth) - contacts.residual_coupling
 
 
 def statics(structure: Structure) -> tuple[Array, Array]:
@@ -141,7 +140,7 @@ def static_reach(structure: Structure) -> Array:
     rows, direction = structure.contacts, structure.load_direction
     if structure.mechanical.moves(direction):
         return np.full(rows.count, np.inf)
-    return np.asarray(rows.normal @ structure.mechanical.solve(direction) + rows.residual_load_or_zero)
+    return np.asarray(rows.normal @ structure.mechanical.solve(direction) + rows.residual_load)
 
 
 def critical_alpha(structure: Structure, friction: float = 0.0) -> float:
@@ -256,8 +255,7 @@ def _equilibrium(
         raise NoEquilibriumError("the heat load cannot leave the structure, its temperature has no equilibrium")
     temperature = structure.thermal.solve(heating)
     force, push = load + structure.thermal_forces(temperature), contacts.normal - friction * contacts.tangent
-    if contacts.residual_coupling is not None:
-        gap = gap + contacts.residual_coupling @ temperature
+    gap = gap + contacts.residual_coupling @ temperature
     free = pair.solve(force)
     apart = gap - contacts.normal @ free
     pressed = _pressed(static, force, push, apart, friction)
@@ -317,7 +315,7 @@ def at_rest(structure: Structure, cases: Cases) -> Cases:
     static, contacts = contact_statics(structure), structure.contacts
     load = cases.steady + cases.mean[:, None] * structure.load_direction
     place, moves = cases.casing_of_contacts(0.0)
-    gaps = place - cases.mean[:, None] * contacts.residual_load_or_zero
+    gaps = place - cases.mean[:, None] * contacts.residual_load
     level, hardening = np.full_like(gaps, np.inf), np.zeros(cases.count)
     if cases.coating is not None:
         gaps, hardening = gaps + cases.coating.worn_at_start(), cases.coating.hardening
@@ -343,9 +341,8 @@ def compliant_places(structure: Structure, cases: Cases, spring_flexibility: flo
     )
     if own is not None:
         surface, level, hardening = surface + own.worn_at_start(), own.level_at_start(), own.hardening
-    free = project(contacts.normal, cases.displacement) + cases.load_at(0.0)[:, None] * contacts.residual_load_or_zero
-    if contacts.residual_coupling is not None:
-        free -= project(contacts.residual_coupling, cases.temperature)
+    free = project(contacts.normal, cases.displacement) + cases.load_at(0.0)[:, None] * contacts.residual_load
+    free -= project(contacts.residual_coupling, cases.temperature)
     for i in np.flatnonzero((free > surface).any(axis=1)):
         flexibility = contacts.flexibility(float(cases.friction[i]))
         compliance = flexibility + c * np.eye(contacts.count)
@@ -371,7 +368,7 @@ def free_reach(structure: Structure, cases: Cases, duration: float) -> Array:
     moving = (omega == 0) & (np.abs(tip) > 1e-9 * np.abs(tip).max()).any(axis=0)
     if np.any(moving) or damping.ndim == 2 or np.any(damping * duration < -_GROWS):
         return np.full((cases.count, len(tip)), np.inf)
-    elastic, residual = omega > 0, structure.contacts.residual_load_or_zero
+    elastic, residual = omega > 0, structure.contacts.residual_load
     omega, tip, damping, shapes = omega[elastic], tip[:, elastic].T, damping[elastic], modes.shapes[:, elastic]
     amplitudes, frequencies, phases = (row.T for row in cases.load_harmonics.rows)
     constant = frequencies == 0

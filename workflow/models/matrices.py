@@ -128,15 +128,9 @@ class Parameters:
 
 
 def depends_on_speed(parameters: Parameters) -> bool:
-    """Tell whether the structure depends on the scene's speed."""
-    return _has_speed2(parameters.file)
-
-
-@lru_cache(maxsize=64)
-def _has_speed2(of: File) -> bool:
     """Tell whether a file has an entry that counts times Ω²; of one that cannot be read assembling says why."""
     try:
-        return any(name in _entries(of) for name in SPEED2)
+        return any(name in _entries(parameters.file) for name in SPEED2)
     except UnusableMatricesError:
         return False
 

@@ -261,7 +261,7 @@ def _joined(curve: Curve, a: Point, b: Point) -> list[Place] | None:
     if a.orbit.order != b.orbit.order or _same_events(a, b):
         between = _roots(curve, a if a.orbit.order == b.orbit.order else curve.halved(a) or b, b)
         return None if between is None else [Place(a), *between, Place(b)]
-    first, length = _impacts(a) <= _impacts(b), b.arclength - a.arclength
+    first, length = a.orbit.motion.times.size <= b.orbit.motion.times.size, b.arclength - a.arclength
     low, high = (_until_events_change(curve, each, length) for each in (a, _reversed(b)))
     apart = low[-1].point.distance(high[-1].point.u)
     for end, smooth in ((low, first), (high, not first)):
@@ -342,11 +342,6 @@ def _root(curve: Curve, a: Point, b: Point, test: Callable[[Point], float]) -> P
     except ValueError:
         return None
     return min(found.values(), key=lambda point: abs(test(point)))
-
-
-def _impacts(point: Point) -> int:
-    """Return the number of an orbit's events."""
-    return int(point.orbit.motion.times.size)
 
 
 def _same_events(a: Point, b: Point) -> bool:

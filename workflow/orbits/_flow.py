@@ -173,11 +173,9 @@ class Flow:
         warm = np.nansum(growth, axis=1).max() + np.abs(self.growth_by_heat(self.start)).max()
         return float(load.reach + flexibility * forces + warm)
 
-    def march(
-        self, X: Array, closed: NDArray[np.bool_], begin: float, span: float, kept: int = 64, samples: int = 1
-    ) -> Trajectory:
+    def march(self, X: Array, closed: NDArray[np.bool_], begin: float, span: float, samples: int = 1) -> Trajectory:
         """Return the exact motion from X at ``begin`` [s] over ``span`` [s], as :func:`trajectory` does."""
-        return trajectory(self.one, X, closed, begin, span, kept, samples)
+        return trajectory(self.one, X, closed, begin, span, samples=samples)
 
     def derivative(self, motion: Trajectory) -> Array:
         """Return the derivative of a motion's final state with respect to its initial state, ``(N, N)``.

@@ -583,7 +583,7 @@ def _contact_step(blocks: Blocks, contact: Contact) -> TipStep:
         compliant=True,
         sinking=step.sinking(modal, weight),
         residual=np.stack([cold, cold - contacts.flexibility(1.0)]),
-        residual_load=contacts.residual_load_or_zero,
+        residual_load=contacts.residual_load,
         growth=modal.residual_coupling @ step.heat_gain.T,
         casing_flexibility=contacts.casing_flexibility,
         carried=1 / weight - 1,
