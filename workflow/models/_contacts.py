@@ -122,11 +122,6 @@ class Contacts:
         warm: dict[str, Any] = {name: rows if rows is None else rows @ temperatures for name, rows in own.items()}
         return replace(self, normal=self.normal @ displacements, tangent=self.tangent @ displacements, **warm)
 
-    def with_residual(self, **more: Array) -> Contacts:
-        """Return the contacts with these residuals added to their own."""
-        residual = more.pop("residual") + (0.0 if self.residual is None else self.residual)
-        return replace(self, residual=residual, **{name: getattr(self, name) + new for name, new in more.items()})
-
     def flexibility(self, friction: float) -> Array:
         """Return R - µ R^t, m/N, ``(contact, contact)``."""
         return np.asarray((0.0 if self.residual is None else self.residual) - friction * self.residual_tangent)

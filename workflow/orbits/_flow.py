@@ -41,6 +41,9 @@ _SAME_INSTANT = 1e-9
 _ROUNDING = 1e-12
 """Sum over modes, over that of its terms, up to which it is 0: the rounding of modes that a symmetry makes equal."""
 
+_MOST_SPANS = 16
+"""Spans over which a set's motion is kept, for states beside one of the same case."""
+
 _BUDGET = Budget(events=10**6, steps=10**8)
 """Limits of one march."""
 
@@ -279,6 +282,8 @@ class SetMotion:
     def over(self, span: float) -> tuple[Array, Array]:
         """Return Z after a time per Z before and per w before."""
         if span not in self._known:
+            if len(self._known) == _MOST_SPANS:
+                self._known.clear()
             (balanced, scale), size = self._balanced, len(self.A)
             moved = scale[:size, None] * expm(balanced * span)[:size] / scale
             self._known[span] = moved[:, :size], moved[:, size:]

@@ -326,13 +326,15 @@ def galerkin(structure: Structure, mechanical: Vectors, thermal: Vectors, carrie
 
 
 def _without_mass(structure: Structure, residual: Array) -> Contacts:
-    """Return the contacts of a structure with ΔF w_i, ``(node, contact)``, as their residual."""
-    pair, contacts = structure.mechanical, structure.contacts
-    return contacts.with_residual(
-        residual=symmetric(contacts.normal @ residual),
-        residual_tangent=residual.T @ contacts.tangent.T,
-        residual_coupling=-pair.work(residual, pair.deformation_of(residual), structure.expansion),
-        residual_load=residual.T @ structure.load_direction,
+    """Return the contacts of a structure with ΔF w_i, ``(node, contact)``, added to their residual."""
+    pair, own = structure.mechanical, structure.contacts
+    by_heat = pair.work(residual, pair.deformation_of(residual), structure.expansion)
+    return replace(
+        own,
+        residual=symmetric(own.normal @ residual) + (0.0 if own.residual is None else own.residual),
+        residual_tangent=own.residual_tangent + residual.T @ own.tangent.T,
+        residual_coupling=own.residual_coupling - by_heat,
+        residual_load=own.residual_load + residual.T @ structure.load_direction,
     )
 
 
