@@ -405,25 +405,16 @@ def projection_residual(structure: Structure, reduction: Reduction, cases: Cases
         within = reduction.residual @ np.linalg.pinv(structure.contacts.normal @ reduction.residual)
         static = project(within, project(reduction.residual.T, loads))
     carried = 0.0 if reduction.carried is None else project(reduction.carried, small.temperature)
-    displacements = (
-        (cases.displacement, small.displacement, carried),
-        (
-            structure.mechanical.static_solutions(loads),
-            reduction.structure.mechanical.static_solutions(project(reduction.displacement_basis.T, loads)),
-            static,
-        ),
-    )
-    steady = (
-        structure.thermal.static_solutions(cases.heating),
-        reduction.structure.thermal.static_solutions(small.heating),
-    )
-    velocity, temperature = (cases.velocity, small.velocity), (cases.temperature, small.temperature)
-    x, theta = reduction.displacement_basis, reduction.temperature_basis
+    x, theta, reduced = reduction.displacement_basis, reduction.temperature_basis, reduction.structure
+    pair, thermal = structure.mechanical, structure.thermal
+    answers = pair.static_solutions(loads), reduced.mechanical.static_solutions(project(x.T, loads))
+    warmth = thermal.static_solutions(cases.heating), reduced.thermal.static_solutions(small.heating)
     lost = [
-        *(_lost(full, reduced, x, structure.mechanical.energies, beside) for full, reduced, beside in displacements),
-        _lost(*velocity, x, _in_inertia(structure.mechanical)),
-        _lost(*temperature, theta, _in_inertia(structure.thermal)),
-        _lost(*steady, theta, structure.thermal.energies),
+        _lost(cases.displacement, small.displacement, x, pair.energies, carried),
+        _lost(*answers, x, pair.energies, static),
+        _lost(cases.velocity, small.velocity, x, _in_inertia(pair)),
+        _lost(cases.temperature, small.temperature, theta, _in_inertia(thermal)),
+        _lost(*warmth, theta, thermal.energies),
     ]
     return np.asarray(np.max(lost, axis=0)[which])
 
