@@ -148,19 +148,13 @@ class _Boundary:
         self.set_other(U[-1])
         return self.curve.residual_at(np.append(U[: self.w.size + self.events], U[-2]), self.frame)
 
-    def matrix(self, residual: Residual, U: Array) -> NDArray[np.complex128] | Array:
-        """Return ∂F/∂u + (1 - ρ) E."""
-        rho = {FOLD: 1.0, PERIOD_DOUBLING: -1.0}.get(self.kind) or np.exp(1j * U[-3])
-        E = np.zeros(len(residual.matrix))
-        E[: self.w.size] = 1.0
-        return np.asarray(residual.matrix + (1 - rho) * np.diag(E))
-
     def condition(self, residual: Residual, U: Array) -> Array:
         """Return b, of a torus its real part and its imaginary part over sin θ."""
         if self.grazing is not None:
             assert self.curve.scale is not None
             return np.array([residual.approach[self.grazing] / self.curve.scale[1]])
-        matrix = self.matrix(residual, U)
+        rho = {FOLD: 1.0, PERIOD_DOUBLING: -1.0}.get(self.kind) or np.exp(1j * U[-3])
+        matrix = residual.matrix + (1 - rho) * np.diag(np.arange(len(residual.matrix)) < self.w.size)
         if self.borders is None:
             left, _, right = np.linalg.svd(matrix)
             self.borders = _real(left[:, -1]), _real(right[-1].conj())
@@ -246,8 +240,9 @@ class _Boundary:
     def follow(self) -> tuple[list[_Spot], int]:
         """Return the boundary from its start to its end, and why it ends there."""
         inward = 1.0 if self.start[-1] < 0.5 else -1.0
-        first = self.solve(self.start, _unit(self.start.size, -1))
-        here = self.spot(first, inward * _unit(self.start.size, -1))
+        across = np.eye(self.start.size)[-1]
+        first = self.solve(self.start, across)
+        here = self.spot(first, inward * across)
         if first is None or here is None or not self.is_motion(first):
             return [], _NOT_FOLLOWED
         trail, step = [here], _FIRST
@@ -257,7 +252,7 @@ class _Boundary:
             if late:
                 shares = [(float(guess[k] > 0.5) - here.U[k]) / here.tangent[k] for k in late]
                 bound = late[int(np.argmin(shares))]
-                guess, row = here.U + min(shares) * here.tangent, _unit(guess.size, bound)
+                guess, row = here.U + min(shares) * here.tangent, np.eye(guess.size)[bound]
                 guess[bound] = round(guess[bound])
             found = self.beside(here, guess, row)
             if found is None or found.U[-2:].min() < -_SAME or found.U[-2:].max() > 1 + _SAME:
@@ -375,13 +370,6 @@ class _Boundary:
         return angle, float(np.abs(values).max(initial=0.0))
 
 
-def _unit(size: int, k: int) -> Array:
-    """Return a row of zeros with a 1."""
-    row = np.zeros(size)
-    row[k] = 1.0
-    return row
-
-
 def _real(vector: NDArray[np.complex128] | Array) -> Array:
     """Return the larger real part of a vector turned in its plane, of length 1."""
     turned = np.real(vector * np.exp(-0.5j * np.angle(np.sum(vector**2))))
@@ -464,7 +452,8 @@ def _derivative(curve: Curve, number: Number, place: Place) -> float:
     """Return ∂(value of a bifurcation)/∂q by differences of fourth order; infinite where the boundary turns."""
     unit = 0.01 * max(abs(number.value), abs(number.change))
     boundary = _Boundary(curve, number.problem, number.value, number.value + unit, place, 0.0)
-    here = boundary.spot(boundary.solve(boundary.start, _unit(boundary.start.size, -1)), _unit(boundary.start.size, -2))
+    *_, along, across = np.eye(boundary.start.size)
+    here = boundary.spot(boundary.solve(boundary.start, across), along)
     if here is None:
         return np.nan
     if abs(here.tangent[-1]) < _TURNS * abs(here.tangent[-2]):
@@ -472,7 +461,7 @@ def _derivative(curve: Curve, number: Number, place: Place) -> float:
     moved = []
     for h in (0.1, -0.1, 0.2, -0.2):
         guess = here.U + h / here.tangent[-1] * here.tangent
-        found = boundary.beside(here, guess, _unit(guess.size, -1))
+        found = boundary.beside(here, guess, across)
         if found is None:
             return np.nan
         moved.append(found.U[-2])

@@ -163,10 +163,9 @@ class Curve:
     def begin(self, orbit: Orbit, scale: Array, q: float) -> Point | None:
         """Return an orbit as the first point of the curve, with a tangent towards larger q."""
         self.scale, self.first = scale, orbit.flow.structure
-        w, ahead = self._charts(orbit.flow)[0] @ orbit.motion.start, np.zeros(orbit.motion.start.size + 1)
-        ahead[-1] = 1.0
+        guess = np.append(self._charts(orbit.flow)[0] @ orbit.motion.start, q)
         frame = Frame(None, orbit.motion.begin / orbit.flow.period, orbit.order, orbit.motion.was_closed)
-        found = self._newton(frame, np.append(w, q), ahead)
+        found = self._newton(frame, guess, np.eye(guess.size)[-1])
         return found and self.worded(found)
 
     def step(self, point: Point, length: float) -> Point | None:
@@ -176,9 +175,8 @@ class Curve:
 
     def at(self, point: Point, q: float) -> Point | None:
         """Return the point at a fraction of the range near one, on whose curve it has the same direction."""
-        guess, ahead = point.u.copy(), np.zeros(point.u.size)
-        guess[-1], ahead[-1] = q, np.copysign(1.0, point.tangent[-1])
-        found = self._newton(point.frame, guess, ahead)
+        guess = np.append(point.u[:-1], q)
+        found = self._newton(point.frame, guess, np.copysign(1.0, point.tangent[-1]) * np.eye(guess.size)[-1])
         return found and replace(found, arclength=point.arclength + float(point.row @ (found.u - point.u)))
 
     def worded(self, point: Point) -> Point:
@@ -246,9 +244,7 @@ class Curve:
         at, frame = point.w.size + i, point.frame._replace(word=point.frame.word.without(i))
         opens = np.append(point.residual.matrix[at], self._slopes(point.residual)[0][at])
         guess, opens = np.delete(point.u, at), np.delete(opens, at)
-        ahead = np.zeros(guess.size)
-        ahead[-1] = 1.0
-        found = self._newton(frame, guess, ahead, along=opens / np.linalg.norm(opens))
+        found = self._newton(frame, guess, np.eye(guess.size)[-1], along=opens / np.linalg.norm(opens))
         beside = _LEAST_GAP
         while found is not None and not found.is_motion and beside < _WIDEST_GAP:
             found, beside = self.step(found, beside), 4 * beside
