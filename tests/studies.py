@@ -1,6 +1,7 @@
 """Small studies that tests of the workflow floor run."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from workflow.pinning import is_pinned
 from workflow.run import _verify
 from workflow.solve import Solved, solve
 from workflow.solve import _tasks as cutting
-from workflow.study import Study, parse_study
+from workflow.study import Study, StudyError, parse_study
 
 pinned = pytest.mark.skipif(not is_pinned(), reason="the environment chooses other machine code, or there is no choice")
 """Mark of a test that expects the same bits."""
@@ -99,6 +100,14 @@ SINGLE = "study: single\n" + SCENE + "output: {interval: 1 ms}\n"
 
 def parsed(text: str) -> Study:
     return parse_study(text, "study.yaml")
+
+
+def refusal(read: Callable[..., object], *words: Any, **named: Any) -> str:
+    """Return what is said of the one mistake for which a study is refused."""
+    with pytest.raises(StudyError) as refused:
+        read(*words, **named)
+    (mistake,) = refused.value.mistakes
+    return str(mistake)
 
 
 def solve_all(text: str) -> list[Solved]:

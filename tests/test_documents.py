@@ -78,10 +78,13 @@ def test_the_recipes_of_the_architecture_are_those_that_run() -> None:
 
 
 def test_readme_is_read_at_one_sitting() -> None:
-    """Its links lead somewhere: files, and headings of what is written in Markdown."""
+    """It begins with a line to run; its links lead somewhere: files, and headings of what is written in Markdown."""
     lines = (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
     assert len(lines) <= 90
-    assert len("\n".join(lines).encode()) <= 5500
+    readme = "\n".join(lines)
+    assert len(readme.encode()) <= 5500
+    assert readme.partition("```")[0].endswith("<!-- run -->\n")
+    assert all(len(re.findall(rf"<!-- {mark} -->\n```sh\n(.*)\n```", readme)) == 1 for mark in ("run", "test"))
     for document in (ROOT / "README.md", ROOT / "studies" / "GUIDE.md"):
         for link in re.findall(r"\]\((?!https://)([^)\s]+)\)", document.read_text(encoding="utf-8")):
             name, _, heading = link.partition("#")

@@ -1,4 +1,4 @@
-"""Contact phases, growth of impulses, differences, labels and cost of known arrays and of archives."""
+"""Contact phases, growth of impulses, differences, labels and cost of known arrays; the case that is shown."""
 
 from pathlib import Path
 
@@ -10,9 +10,11 @@ from hypothesis import strategies as st
 
 from quick import quick
 from studies import FALLING_BALL, parsed
-from workflow import compare, contact_phases, labels, work_precision
-from workflow.analysis import NoReferenceError, exact, impulse_growth, labels_of
+from workflow import compare, contact_phases, labels, recommend, work_precision
+from workflow.analysis import NoReferenceError, effect, exact, impulse_growth, labels_of, shown_place
 from workflow.archive import open_archive
+from workflow.plots import histories
+from workflow.report._sections import effects
 from workflow.run import run_study
 
 T = np.array([0.0, 0.1, 0.2, 0.3, 0.4, 0.5])
@@ -223,3 +225,56 @@ def test_a_dimension_that_a_function_adds_is_not_that_of_an_axis() -> None:
 def test_paths_are_no_datasets() -> None:
     with pytest.raises(TypeError, match=r"compare takes datasets, and 'a.nc' is none: give open_archive\('a.nc'\)"):
         compare("a.nc", cases())  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module")
+def archives(tmp_path_factory: pytest.TempPathFactory) -> tuple[xr.Dataset, xr.Dataset]:
+    """An archive with a reference and one without, carpenter diverged in both; logarithmic gaps."""
+    place = tmp_path_factory.mktemp("shown")
+    steps = {"scheme": ["carpenter", "moreau", "event_driven"], "h": [1e-4, 3e-5]}
+    gaps = {"scheme": ["carpenter", "moreau"], "scene.casing.gap": {"log": [15e-6, 22e-6, 4]}, "e": None, "alpha": None}
+    with_errors = run_study(quick(steps, reference={"scheme": "event_driven"}), place / "errors.nc", threads=1)
+    return with_errors.dataset, run_study(quick(gaps), place / "gaps.nc", threads=1).dataset
+
+
+def test_the_case_shown_is_the_one_recommended_or_the_median(archives: tuple[xr.Dataset, xr.Dataset]) -> None:
+    with_errors, without = archives
+    choice = recommend(with_errors, 0.01).choice
+    assert choice is not None
+    place = shown_place(with_errors)
+    assert np.ravel_multi_index(list(place.values()), with_errors["status"].shape) == choice.number
+    shown = without.isel(shown_place(without))
+    assert shown["status"] == 0
+    ok = without["contact_impulse"].where(without["status"] == 0).values.ravel()
+    assert float(shown["contact_impulse"]) == np.sort(ok[~np.isnan(ok)])[2]
+    assert str(shown["scheme"].values) == "moreau"
+    assert "event_driven" in histories(with_errors).get_suptitle()
+
+
+def test_axes_are_weighed_by_exact_solutions(archives: tuple[xr.Dataset, xr.Dataset]) -> None:
+    dataset = archives[0]
+    told = effects(dataset, {})
+    assert told is not None
+    shares = {dim: share for dim, share, *_ in told["rows"]}
+    exact = dataset.sel(scheme="event_driven").isel(h=0)
+    for dim in ("e", "alpha"):
+        assert shares[dim] == f"{100 * effect(exact, 'contact_impulse', dim):.2g} %"
+    assert "scheme" not in shares
+    assert told["of_exact"].startswith("scheme event_driven")
+
+
+def test_an_opened_archive_finds_numbers_written_with_other_digits(archives: tuple[xr.Dataset, xr.Dataset]) -> None:
+    dataset, gaps = archives[1], np.geomspace(15e-6, 22e-6, 4)
+    assert any(gap not in dataset["gap"].values for gap in gaps)
+    for k, gap in enumerate(gaps):
+        assert dataset.sel(gap=gap)["gap"] == dataset["gap"][k]
+        assert dataset["status"].loc[{"gap": gap * (1 - 9e-10)}]["gap"] == dataset["gap"][k]
+        with pytest.raises(KeyError):
+            dataset.sel(gap=gap * (1 + 3e-9))
+    assert dataset.sel(gap=gaps[::-1]).sizes["gap"] == 4
+    assert dataset.sel(gap=slice(gaps[1], gaps[2])).sizes["gap"] == 2
+    part = dataset.isel(gap=[3, 1])
+    assert part.sel(gap=gaps[1])["gap"] == dataset["gap"][1]
+    plain = xr.DataArray(np.ones(4), coords={"gap": dataset["gap"].values}, dims="gap")
+    assert (dataset["contact_impulse"] * plain).sizes["gap"] == 4
+    assert dataset.reindex(gap=[gaps[0], 1.0]).sizes["gap"] == 2

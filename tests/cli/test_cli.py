@@ -40,9 +40,10 @@ def test_run_show_report(tmp_path: Path) -> None:
     assert page.count("data:image/png;base64,") == 3
     assert re.findall(r"""(?:src|href)=["'](?!data:|#)""", page.split("<script")[0] + page.split("</script>")[-1]) == []
     assert "connect-src 'none'" in page
-    repeated = workflow("run", "small.nc", "-o", "again.nc", cwd=tmp_path)
+    repeated = workflow("run", "small.nc", "-o", "a run.nc", cwd=tmp_path)
     assert repeated.returncode == 0, repeated.stderr
-    assert "again.nc: 60 cases" in repeated.stdout
+    assert "a run.nc: 60 cases" in repeated.stdout
+    assert repeated.stdout.splitlines()[-1] == "next: workflow report 'a run.nc'"
 
 
 def test_a_structure_that_one_value_of_an_axis_spoils_is_no_defect(tmp_path: Path) -> None:

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy.linalg
+import scipy.sparse
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from threadpoolctl import threadpool_limits
@@ -16,6 +18,7 @@ from studies import HEAVY_SCENE, ILL, SCENE, SINGLE, SMALL, parsed
 from workflow import schemes
 from workflow.cases import arrange, reads
 from workflow.cli._studies import _lines as plan_lines
+from workflow.models._sparse_pair import SparsePair
 from workflow.plan import plan, plan_study
 from workflow.reduction import reduce_structure
 from workflow.solve import _operators, solve, tasks
@@ -259,3 +262,19 @@ def test_a_reduction_does_not_depend_on_the_threads_of_blas() -> None:
     for name, values in vars(alone.structure).items():
         if isinstance(values, np.ndarray):
             assert values.tobytes() == vars(cached.structure)[name].tobytes(), name
+
+
+@pytest.mark.parametrize("sizes", [(400,), (14, 7, 4)])
+def test_fastest_rate_of_sparse_matrices(sizes: tuple[int, ...]) -> None:
+    """Of a mesh of bricks with linear temperatures it is the sum of those along its edges."""
+    stiffness, inertia = scipy.sparse.csc_array(np.zeros((1, 1))), scipy.sparse.csc_array(np.ones((1, 1)))
+    largest = 0.0
+    for n in sizes:
+        ends = np.append(np.full(n - 1, 2.0), 1.0)
+        along = scipy.sparse.diags_array([-np.ones(n - 1), ends, -np.ones(n - 1)], offsets=[-1, 0, 1])
+        heavy = scipy.sparse.diags_array([np.ones(n - 1), 2 * ends, np.ones(n - 1)], offsets=[-1, 0, 1]) / 6
+        largest += scipy.linalg.eigvalsh(along.toarray(), heavy.toarray())[-1]
+        stiffness = scipy.sparse.kron(stiffness, heavy) + scipy.sparse.kron(inertia, along)
+        inertia = scipy.sparse.kron(inertia, heavy)
+    pair = SparsePair(scipy.sparse.csc_array(stiffness), scipy.sparse.csc_array(inertia))
+    assert 0.94 * largest < pair.spectrum()[-1] <= largest * (1 + 1e-9)

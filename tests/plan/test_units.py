@@ -1,10 +1,11 @@
 """What plan warns of where a unit was meant otherwise, and the α that friction makes."""
 
+import re
+
 import pytest
 
-from studies import BLADE_SCENE, FALLING_BALL, parsed
+from studies import BLADE_SCENE, FALLING_BALL, parsed, refusal
 from workflow.plan import plan_study
-from workflow.study import StudyError
 
 AXES = "axes: {scheme: event_driven, e: [0, 0.5]}\n"
 STUDY = f"study: a{BLADE_SCENE}".replace("nodes: 20", "nodes: 20, tip_cell: 60 um") + AXES
@@ -51,6 +52,14 @@ def test_per_cent_are_no_ratios() -> None:
     assert said in warnings(table + "  duration: 0.1\n" + AXES)
 
 
+@pytest.mark.parametrize(
+    ("given", "other"), [("4430", "4.43"), ("4430", "7.85e-9"), ("stiffness: 1.0e6", "stiffness: 1e3"), ("1.0e6", "3e9")]
+)
+def test_densities_and_stiffnesses_of_no_machine(given: str, other: str) -> None:
+    assert "unit" not in warnings(STUDY)
+    assert re.search("check .*unit", warnings(STUDY.replace(given, other)))
+
+
 def test_a_wide_gap_where_nothing_bounds_the_motion() -> None:
     said = "a gap of 20 m is that of no machine: check its unit"
     wide = "axes: {scheme: event_driven, scene.casing.gap: [0.5, 20]}\n"
@@ -88,5 +97,5 @@ def test_a_coefficient_beside_an_alpha_of_its_own() -> None:
     ],
 )
 def test_half_a_friction_makes_no_alpha(friction: str, axes: str, problem: str) -> None:
-    with pytest.raises(StudyError, match=problem):
-        parsed(STUDY.replace("  duration", f"  friction: {friction}\n  duration").replace("e: [0, 0.5]", axes))
+    text = STUDY.replace("  duration", f"  friction: {friction}\n  duration").replace("e: [0, 0.5]", axes)
+    assert problem in refusal(parsed, text)

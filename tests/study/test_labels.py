@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from studies import refusal
 from workflow import models
 from workflow.cases import arrange
 from workflow.plan._template import template
@@ -37,10 +38,8 @@ def chosen(path: str, contact: str, settings: dict[str, Any] | None = None) -> f
     """Return the tip stiffness at the contact that a study chooses, N/m."""
     Path(path).write_text(STUDY.replace("CONTACT", contact))
     study = read_study(path, settings)
-    again = read_study(
-        study.text.replace("blade.npz", str(Path(path).parent / "blade.npz"))
-    )  # its own text says so too
-    both = [models.structure_of("matrices", one.scene.parameters) for one in (study, again)]
+    again = study.text.replace("blade.npz", str(Path(path).parent / "blade.npz"))  # its own text says so too
+    both = [models.structure_of("matrices", one.scene.parameters) for one in (study, read_study(again))]
     first, second = (1 / float(models.statics(one)[0].max()) for one in both)
     assert first == second
     return first
@@ -81,16 +80,31 @@ def test_an_integer_that_is_a_label_and_another_index_is_refused_with_both_readi
 def test_contacts_and_sensors_called_by_numbers(tmp_path: Path) -> None:
     rows = np.eye(6)[[4, 5]]
     path = write(tmp_path, list("abcdef"), contact=rows, contact_labels=["1", "30"], load=np.ones(6))
-    for contact, problem in (("[1, 30]", "`contact: 1` is the label of one place"), ('["1", 30]', ""), ("[4, 5]", "")):
+    for contact, called in (('["1", 30]', ("1", "30")), ("[4, 5]", ("4", "5"))):
         Path(path).write_text(STUDY.replace("CONTACT", contact))
-        if problem:
-            with pytest.raises(StudyError, match=problem):
-                read_study(path)
-        else:
-            assert read_study(path).contacts == (("1", "30") if "30" in contact else ("4", "5"))
+        assert read_study(path).contacts == called
+    Path(path).write_text(STUDY.replace("CONTACT", "[1, 30]"))
+    assert "`contact: 1` is the label of one place" in refusal(read_study, path)
     Path(path).write_text(STUDY.replace("CONTACT", '["1", "30"]') + "output: {sensors: {s: 1}}\n")
-    with pytest.raises(StudyError, match="`sensor: 1` is the label of one place"):
-        read_study(path)
+    assert "`sensor: 1` is the label of one place" in refusal(read_study, path)
+
+
+def test_what_is_wrong_with_heat_or_a_label_is_said_of_its_own_entry(tmp_path: Path) -> None:
+    tip, study = np.eye(3)[-1], str(tmp_path / "labels.yaml")
+    heat = {"conductance": np.eye(3), "thermal_contact": tip, "coupling": np.zeros((3, 3))}
+
+    def said(contact: str, **more: Any) -> str:
+        write(tmp_path, ["root.x", "middle.x", "tip.x"], **{"contact": tip, **more})
+        Path(study).write_text(STUDY.replace(", contact: CONTACT", contact))
+        return refusal(read_study, study, {} if more else {"axes.thermal_modes": 1})
+
+    assert "has no temperature beside the tip's; write 0 or `full`" in said("")
+    bare, whole = heat | {"heat_capacity": np.diag([1.0, 1, 0])}, heat | {"heat_capacity": np.eye(3)}
+    assert "the contact heats a temperature without heat capacity" in said("", **bare)
+    wrong = said(", contact: tipp.x", **whole)
+    assert "write `contact`, `tip.x`" in wrong
+    assert "`thermal_contact`" not in wrong
+    assert "`contact`" not in said(", thermal_contact: tipp.x", **whole).partition("write")[2]
 
 
 def test_a_plan_names_the_label_at_an_index(tmp_path: Path) -> None:

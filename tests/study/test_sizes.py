@@ -5,9 +5,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.sparse import csr_array, diags_array
+from scipy.sparse import csr_array, diags_array, eye_array
 
-from workflow.study import Study, StudyError, read_study
+from studies import refusal
+from workflow import write_matrices
+from workflow.study import Study, read_study
 
 
 def study_of(place: Path, **axes: Any) -> dict[str, Any]:
@@ -26,18 +28,15 @@ def written(place: Path, nodes: int, temperatures: int) -> Path:
     def line(size: int) -> csr_array:
         return csr_array(diags_array([np.full(size, 2.0), *[np.full(size - 1, -1.0)] * 2], offsets=[0, -1, 1]))
 
-    entries = {
-        "mass": csr_array(diags_array(np.ones(nodes))),
-        "stiffness": line(nodes),
-        "heat_capacity": csr_array(diags_array(np.ones(temperatures))),
-        "conductance": line(temperatures),
-    }
-    parts = {
-        f"{name}.{part}": getattr(matrix, part)
-        for name, matrix in entries.items()
-        for part in ("data", "indices", "indptr", "shape")
-    }
-    np.savez(place, contact=nodes - 1, thermal_contact=temperatures - 1, **parts)
+    write_matrices(
+        place,
+        mass=eye_array(nodes, format="csr"),
+        stiffness=line(nodes),
+        heat_capacity=eye_array(temperatures, format="csr"),
+        conductance=line(temperatures),
+        contact=nodes - 1,
+        thermal_contact=temperatures - 1,
+    )
     return place
 
 
@@ -48,10 +47,11 @@ def test_lists_are_as_long_as_the_file_has_displacements_or_temperatures(tmp_pat
         study = study_of(file)
         loads, start = {"steady": [1.0] * displacements}, {"temperature": [1.0] * temperatures}
         read_study(study | {"scene": study["scene"] | {"load": loads, "initial": start}})
-        with pytest.raises(StudyError, match=f"has 2 values where the model has {displacements} nodes"):
-            read_study(study | {"scene": study["scene"] | {"load": {"steady": [1.0] * 2}}})
-        with pytest.raises(StudyError, match=f"has 9 values where the model has {temperatures} temperatures"):
-            read_study(study | {"scene": study["scene"] | {"initial": {"temperature": [1.0] * 9}}})
+        for part, said in (
+            ({"load": {"steady": [1.0] * 2}}, f"has 2 values where the model has {displacements} nodes"),
+            ({"initial": {"temperature": [1.0] * 9}}, f"has 9 values where the model has {temperatures} temperatures"),
+        ):
+            assert said in refusal(read_study, study | {"scene": study["scene"] | part})
 
 
 def test_a_start_inside_the_casing_is_that_of_the_contact_of_the_file(tmp_path: Path) -> None:
@@ -65,19 +65,19 @@ def test_a_start_inside_the_casing_is_that_of_the_contact_of_the_file(tmp_path: 
         scene = study_of(tmp_path / "turned.npz")["scene"]
         study = {"study": "turned", "axes": {"h": 1e-3}}
         read_study(study | {"scene": scene | {"initial": {"displacement": outside}}})
-        with pytest.raises(StudyError, match="the tip starts inside the casing"):
-            read_study(study | {"scene": scene | {"initial": {"displacement": inside}}})
+        start = {"initial": {"displacement": inside}}
+        assert "the tip starts inside the casing" in refusal(read_study, study | {"scene": scene | start})
 
 
 def test_full_is_every_mode_of_its_own_kind(tmp_path: Path) -> None:
     assert mode_counts(read_study(study_of(written(tmp_path / "unequal.npz", 7, 4)))) == {"mechanical": 6, "thermal": 3}
-    with pytest.raises(StudyError, match="`4` is more than the 3 interior modes"):
-        read_study(study_of(tmp_path / "unequal.npz", mechanical_modes=4, thermal_modes=4))
+    four = study_of(tmp_path / "unequal.npz", mechanical_modes=4, thermal_modes=4)
+    assert "`4` is more than the 3 interior modes" in refusal(read_study, four)
 
 
 @pytest.mark.parametrize("count", ["full", 301])
 def test_too_much_of_a_large_structure_is_refused_with_what_would_do(tmp_path: Path, count: int | str) -> None:
     place = written(tmp_path / "large.npz", 2001, 5)
-    with pytest.raises(StudyError, match="write at most 300, or `auto` with a `tolerance`"):
-        read_study(study_of(place, mechanical_modes=count))
+    said = refusal(read_study, study_of(place, mechanical_modes=count))
+    assert "write at most 300, or `auto` with a `tolerance`" in said
     assert mode_counts(read_study(study_of(place, mechanical_modes=300))) == {"mechanical": 300, "thermal": 4}
