@@ -97,6 +97,11 @@ def test_modules_are_short(path: Path) -> None:
     assert len(path.read_text(encoding="utf-8").splitlines()) <= MODULE_LINES
 
 
+def test_the_public_names_are_listed() -> None:
+    assert set(workflow.__all__) == set(dir(workflow))
+    assert all(getattr(workflow, name) is not None for name in dir(workflow))
+
+
 def imported_by(*commands: str, directory: Path) -> set[str]:
     """Return the modules that a process has imported after some commands, one after the other."""
     files = {"A": KEPT, "E": WITH_ERRORS, "S": REPOSITORY / "studies" / "blade.yaml"}

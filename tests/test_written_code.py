@@ -223,11 +223,11 @@ BLOCKS_ELSEWHERE = {
     "python3 -m venv": "tests/test_stranger.py",
     "$ .venv/bin/workflow recommend blade.nc": "tests/test_stranger.py",
     "from workflow import write_matrices": "tests/test_stranger.py",
-    "from skfem import": "tests/test_own_program.py",
+    "from skfem import": "tests/test_stranger.py",
     "import numpy as np\nfrom workflow import write_matrices": "tests/truth/test_truth.py",
-    "import workflow\n\nentries = workflow.read_matrices(": "tests/test_own_program.py",
-    "K0 = workflow.read_matrices(": "tests/test_own_program.py",
-    "import numpy as np\nimport scipy.sparse\nfrom ansys.mapdl import reader": "tests/test_own_program.py",
+    "import workflow\n\nentries = workflow.read_matrices(": "tests/test_stranger.py",
+    "K0 = workflow.read_matrices(": "tests/test_stranger.py",
+    "import numpy as np\nimport scipy.sparse\nfrom ansys.mapdl import reader": "tests/test_stranger.py",
 }
 
 

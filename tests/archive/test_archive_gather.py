@@ -1,9 +1,12 @@
-"""From shards to an archive: the same bits in any number of pieces, and never half an archive."""
+"""From shards, or cases that are stored, to an archive: the same bits in any number of pieces, and never half a one."""
 
 import errno
+import hashlib
+import json
 import os
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 import xarray as xr
@@ -12,14 +15,18 @@ from archive_samples import (
     TEXTS,
     begin,
     branch_template,
+    by_case,
     check_dataset,
     gather,
     make_archive,
     put_all,
     sample_hashes,
+    sample_messages,
     sample_results,
     sample_template,
 )
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from workflow import archive
 from workflow.archive import _gather
@@ -41,6 +48,9 @@ TEMPLATES = {
     "metrics alone": sample_template(samples=0, periods=0),
     "branches": branch_template(),
 }
+TEMPLATE = TEMPLATES["three dimensions, partial edge"]
+RESULTS = sample_results(TEMPLATE)
+HASHES = sample_hashes(TEMPLATE)
 
 
 @pytest.mark.parametrize("most", [2**21, 560, 8])
@@ -64,20 +74,15 @@ def test_what_goes_in_comes_out(
 def test_content_does_not_depend_on_pieces_chunks_or_processor_time(
     tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    template = TEMPLATES["three dimensions, partial edge"]
-    results = sample_results(template)
-    first = make_archive(tmp_path / "a.nc", template, results)
-    later = results | {name: results[name] + 1}
+    first = make_archive(tmp_path / "a.nc", TEMPLATE, RESULTS)
+    later = RESULTS | {name: RESULTS[name] + 1}
     monkeypatch.setattr(_template, "CHUNK_BYTES", 560)
     for number, cut in enumerate(([], [5], [1, 2, 3, 10], range(1, 150))):
-        second = make_archive(tmp_path / f"{number}.nc", encode(template.copy()), later, cut)
+        second = make_archive(tmp_path / f"{number}.nc", encode(TEMPLATE.copy()), later, cut)
         assert archive.content_hash(first) == archive.content_hash(second)
 
 
 def test_the_hash_is_what_its_description_says(tmp_path: Path) -> None:
-    import hashlib
-    import json
-
     template = sample_template((("e", 2),), samples=3, periods=2)
     results = sample_results(template)
     path = make_archive(tmp_path / "a.nc", template, results)
@@ -114,55 +119,49 @@ def test_one_nan_is_as_good_as_another(tmp_path: Path) -> None:
 
 def test_a_value_too_large_for_float32_is_infinite(tmp_path: Path) -> None:
     """In a shard, and where an archive of float64 is taken by one of float32."""
-    wide, narrow = sample_template(), TEMPLATES["float32"]
-    results = sample_results(wide)
-    results["displacement"][...] = 1e300
-    one = make_archive(tmp_path / "a.nc", narrow, results)
-    taken = archive.Stored(archive.archive_sources(make_archive(tmp_path / "b.nc", wide, results)))
-    archive.gather(narrow, TEXTS, begin(tmp_path / "c.nc"), tmp_path / "c.nc", sample_hashes(narrow), taken)
-    for path in (one, tmp_path / "c.nc"):
-        with archive.open_archive(path) as dataset:
-            assert dataset["displacement"].dtype == np.float32
-            assert np.isposinf(dataset["displacement"]).all()
+    narrow, results = TEMPLATES["float32"], RESULTS | {"displacement": np.full_like(RESULTS["displacement"], 1e300)}
+    with archive.open_archive(make_archive(tmp_path / "a.nc", narrow, results)) as dataset:
+        written = dataset["displacement"].values
+    wide = make_archive(tmp_path / "b.nc", TEMPLATE, results)
+    for values in (written, taken(wide, narrow, HASHES, tmp_path / "c.nc")["displacement"]):
+        assert values.dtype == np.float32
+        assert np.isposinf(values).all()
 
 
 @pytest.fixture
-def replaced(tmp_path: Path) -> tuple[xr.Dataset, Path, bytes]:
-    """An archive about to be replaced: template, path, and its bytes so far."""
-    template = TEMPLATES["three dimensions, partial edge"]
-    path = make_archive(tmp_path / "a.nc", template, sample_results(template))
-    put_all(path, template, sample_results(template, seed=1), [5])
-    return template, path, path.read_bytes()
+def replaced(tmp_path: Path) -> Path:
+    """An archive about to be replaced."""
+    path = make_archive(tmp_path / "a.nc", TEMPLATE, RESULTS)
+    put_all(path, TEMPLATE, sample_results(TEMPLATE, seed=1), [5])
+    return path
 
 
 @pytest.mark.parametrize("where", ["create", "assemble", "hash_content", "_add_hash", "seal", "sync"])
 def test_a_failure_anywhere_leaves_target_and_shards(
-    replaced: tuple[xr.Dataset, Path, bytes], monkeypatch: pytest.MonkeyPatch, where: str
+    replaced: Path, monkeypatch: pytest.MonkeyPatch, where: str
 ) -> None:
-    template, path, before = replaced
+    before = replaced.read_bytes()
 
     def fail(*_: object) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(_gather, where, fail)
     with pytest.raises(archive.ArchiveError, match=r"archive could not be written: no space left"):
-        gather(archive.parts_of(path), template, path)
-    assert path.read_bytes() == before
-    assert len(archive.find_shards(archive.parts_of(path))) == 2
-    assert not list(path.parent.rglob("*.tmp"))
+        gather(archive.parts_of(replaced), TEMPLATE, replaced)
+    assert replaced.read_bytes() == before
+    assert len(archive.find_shards(archive.parts_of(replaced))) == 2
+    assert not list(replaced.parent.rglob("*.tmp"))
     monkeypatch.undo()
-    gather(archive.parts_of(path), template, path)
-    assert path.read_bytes() != before
+    gather(archive.parts_of(replaced), TEMPLATE, replaced)
+    assert replaced.read_bytes() != before
 
 
-def test_too_little_room_is_said_beforehand(
-    replaced: tuple[xr.Dataset, Path, bytes], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    template, path, before = replaced
+def test_too_little_room_is_said_beforehand(replaced: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = replaced.read_bytes()
     monkeypatch.setattr(_gather, "free_space", lambda directory: 1000)
     with pytest.raises(archive.ArchiveError, match="no space left on device, it needs about"):
-        gather(archive.parts_of(path), template, path)
-    assert path.read_bytes() == before
+        gather(archive.parts_of(replaced), TEMPLATE, replaced)
+    assert replaced.read_bytes() == before
 
 
 @pytest.mark.parametrize("name", ["pipe", "pipe.shard"])
@@ -188,3 +187,59 @@ def test_a_link_goes_on_to_lead_to_the_archive(tmp_path: Path) -> None:
         with archive.open_archive(real) as dataset:
             check_dataset(dataset, template, sample_results(template, seed))
     assert sorted(tmp_path.rglob("*")) == sorted([link, real, real.parent])
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An archive of 18 chunks."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(_template, "CHUNK_BYTES", 560)
+        return make_archive(tmp_path_factory.mktemp("stored") / "a.nc", encode(TEMPLATE.copy()), RESULTS)
+
+
+def taken(path: Path, template: xr.Dataset, hashes: np.ndarray, target: Path) -> dict[str, np.ndarray]:
+    """Return the values of an archive that is made of cases of another one alone, messages too."""
+    stored = archive.Stored(archive.archive_sources(path))
+    archive.gather(template, TEXTS, begin(target), target, hashes, stored)
+    with archive.open_archive(target) as dataset:
+        return {str(name): values.values for name, values in dataset.data_vars.items()}
+
+
+@settings(max_examples=25, deadline=None)
+@given(cells=st.lists(st.integers(0, TEMPLATE["status"].size - 1), min_size=1, max_size=60, unique=True))
+def test_cases_are_found_and_taken_wherever_they_stand(
+    path: Path, cells: list[int], tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    chosen = np.array(cells)
+    template = sample_template((("alpha", len(cells)),))
+    values = taken(path, template, HASHES[chosen], tmp_path_factory.mktemp("taken") / "b.nc")
+    for name in map(str, template.data_vars):
+        np.testing.assert_array_equal(values[name], by_case(TEMPLATE, name, RESULTS[name])[chosen])
+    texts = sample_messages(TEMPLATE, RESULTS)
+    assert values["message"].tolist() == [texts.get(cell, "") for cell in cells]
+
+
+def test_missing_variables_and_periods(path: Path, tmp_path: Path) -> None:
+    kinds = archive.archive_sources(path)[0].kinds
+    values = taken(path, sample_template(periods=5), HASHES, tmp_path / "wide.nc")
+    np.testing.assert_array_equal(values["period_impulse"][..., :3], RESULTS["period_impulse"])
+    assert np.isnan(values["period_impulse"][..., 3:]).all()
+    values = taken(path, sample_template(periods=2), HASHES, tmp_path / "narrow.nc")
+    np.testing.assert_array_equal(values["period_impulse"], RESULTS["period_impulse"][..., :2])
+    for name, is_optional in (("of_a_scheme", True), ("steady_impacts", True), ("growth_rate", False)):
+        template = encode(TEMPLATE.assign({name: TEMPLATE["impacts"]}))
+        assert archive.lacking(template, kinds) == ([] if is_optional else [name])
+        if is_optional:
+            assert np.isnan(taken(path, template, HASHES, tmp_path / "more.nc")[name]).all()
+    assert archive.lacking(sample_template(samples=8), kinds) == ["displacement"]
+    assert archive.lacking(TEMPLATE, kinds) == []
+
+
+@pytest.mark.parametrize("name", ["status", "provenance/case_hash"])
+def test_a_damaged_archive_is_said(path: Path, tmp_path: Path, name: str) -> None:
+    damaged = tmp_path / "a.nc"
+    damaged.write_bytes(path.read_bytes())
+    with h5py.File(damaged, "r+") as file:
+        del file[name]
+    with pytest.raises(archive.ArchiveError, match="damaged"):
+        archive.archive_sources(damaged)

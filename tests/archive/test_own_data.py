@@ -1,4 +1,4 @@
-"""Archives from elsewhere: nothing outside their file is read, whatever they hold, and every command ends."""
+"""Archives from elsewhere or with changed bytes: named, shown or refused; nothing outside their file is read."""
 
 import os
 import random
@@ -11,7 +11,9 @@ import h5py
 import numpy as np
 import pytest
 
-from studies import SMALL, parsed
+from hostile import mutated
+from quick import quick
+from studies import SMALL, parsed, written
 from terminal import told
 from workflow.archive import ArchiveError, open_archive, provenance
 from workflow.archive._checksums import seal
@@ -170,3 +172,38 @@ def test_a_spoilt_archive_is_shown_or_refused(
         for words in (("show", path), ("run", path, "-o", tmp_path / "b.nc")):
             status, said = told(*words)
             assert status == 0 or (status == 2 and str(path) in said), (seed, words, said)
+
+
+FAILING = quick({"alpha": [0.0, 5.0, 1e9]})
+"""Three of its nine cases are not ok and have messages."""
+
+
+@pytest.fixture(scope="module")
+def with_messages(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    return run_study(FAILING, tmp_path_factory.mktemp("damage") / "a.nc").archive.read_bytes()
+
+
+def check_named(study: Path, path: Path) -> None:
+    """Whatever takes cases or the study from a damaged archive names it, and leaves it as it is."""
+    other, before = path.with_suffix(".other.nc"), path.read_bytes()
+    for words in (
+        ("run", study, "-o", path),
+        ("run", study, "-o", path, "--retry"),
+        ("run", path, "-o", other),
+        ("plan", study, "-o", path),
+    ):
+        status, output = told(*words)
+        assert (status, path.name in output) == (2, True), words
+    status, output = told("verify", path, "--sample", "0")
+    assert status == 2 or (status == 1 and "bytes    DIFFERS" in output)
+    assert path.name in output
+    assert told("show", path)[0] in (0, 2)
+    assert path.read_bytes() == before
+    assert not other.exists()
+
+
+@pytest.mark.parametrize("number", [*range(4), *(pytest.param(k, marks=pytest.mark.slow) for k in range(4, 200))])
+def test_a_damaged_archive_is_named(with_messages: bytes, tmp_path: Path, number: int) -> None:
+    changed = (mutated(1000 * k + number, with_messages) for k in range(9))
+    (tmp_path / "a.nc").write_bytes(next(image for image in changed if image != with_messages))
+    check_named(written(FAILING.text, tmp_path), tmp_path / "a.nc")

@@ -1,11 +1,15 @@
-"""Tiny versions of the benchmarks, so that they cannot rot."""
+"""Tiny versions of the benchmarks, so that they cannot rot; memory of large studies."""
 
 import re
 
 import bench_against
 import bench_bases
 import bench_table
+import pytest
+from bench_workflow import HISTORIES, METRICS, memory
 from timing import TINY, parts
+
+from workflow.solve._tasks import TASK_BYTES
 
 
 def test_bases_are_told_of() -> None:
@@ -42,3 +46,14 @@ def test_two_versions_are_compared_row_by_row() -> None:
     ]
     lines = bench_against.compared(runs[::2], runs[1::2])
     assert lines[2:] == ["| a step | 2.5e-09 s | 2.9e-09 s | 1.15 **over** |"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("kind", "cases"), [(METRICS, 1_000_000), (HISTORIES, 100_000)], ids=["metrics", "histories"])
+def test_memory_does_not_grow_with_the_number_of_cases(kind: dict[str, str], cases: int) -> None:
+    """The results are 180 and 480 MB; a run of few cases is less than two tasks, hence what tasks hold on top."""
+    few, many = memory(cases // 10, kind), memory(cases, kind)
+    held = 4 * TASK_BYTES / 2**20  # by two threads: a task's results and their copy on the way to a shard, for each
+    known = 64 / 2**20  # of each case: its hash, twice, where it is stored, and their orders
+    assert many < few + held + known * cases
+    assert many < 500

@@ -1,12 +1,14 @@
-"""Runs that are killed at any moment lose at most the tasks in flight, and never leave half an archive."""
+"""Runs that are stopped or killed at any moment lose at most the tasks in flight, and never leave half an archive."""
 
+import os
 import random
+import re
 import signal
 import subprocess
 import time
 from collections import Counter
 from collections.abc import Callable
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from functools import partial
 from pathlib import Path
 from shutil import rmtree
@@ -15,7 +17,7 @@ import pytest
 
 from quick import quick
 from studies import written
-from terminal import started
+from terminal import started, until
 from workflow.archive import content_hash, parts_of, provenance
 from workflow.run import run_study, verify
 from workflow.study import Study
@@ -177,3 +179,26 @@ def is_gathered(archive: Path, since: float) -> bool:
         return (parts_of(archive) / f"{archive.name}.tmp").stat().st_mtime >= since
     except FileNotFoundError:
         return False
+
+
+def heeds(pid: int) -> bool:
+    """Tell whether a process has come so far that it catches SIGTERM; Python itself, as it starts, does not."""
+    with suppress(OSError):
+        caught = re.search(r"^SigCgt:\s*(\w+)", Path(f"/proc/{pid}/status").read_text(), re.MULTILINE)
+        return caught is not None and bool(int(caught[1], 16) >> (signal.SIGTERM - 1) & 1)
+    return False
+
+
+@pytest.mark.parametrize("after", [0, 0.03, 0.1])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_stopped_while_libraries_are_imported(number: signal.Signals, after: float, tmp_path: Path) -> None:
+    """Its process group is signalled some seconds after it heeds any signal."""
+    study = written(NEW.text, tmp_path)
+    with started("-m", "workflow", "run", study, "-o", tmp_path / "a.nc") as process:
+        until(lambda: process.poll() is not None or heeds(process.pid))
+        time.sleep(after)
+        os.killpg(process.pid, number)
+        out, err = process.communicate(timeout=PATIENCE)
+    assert (process.returncode, out) == (128 + number, ""), err
+    assert err.startswith("stopped")
+    assert err.count("\n") == 1  # no traceback

@@ -1,4 +1,4 @@
-"""Order of dimensions, cases that are one case, tasks that cover every unit once."""
+"""Order of dimensions, cases that are one case, tasks that cover every unit once and cost what the model says."""
 
 import json
 import time
@@ -20,8 +20,9 @@ from workflow.cases import arrange, reads
 from workflow.cli._studies import _lines as plan_lines
 from workflow.models._sparse_pair import SparsePair
 from workflow.plan import plan, plan_study
+from workflow.plan._plan import order_of_time
 from workflow.reduction import reduce_structure
-from workflow.solve import _operators, solve, tasks
+from workflow.solve import _operators, model_seconds, solve, tasks
 from workflow.solve import _tasks as cutting
 
 
@@ -278,3 +279,40 @@ def test_fastest_rate_of_sparse_matrices(sizes: tuple[int, ...]) -> None:
         inertia = scipy.sparse.kron(inertia, heavy)
     pair = SparsePair(scipy.sparse.csc_array(stiffness), scipy.sparse.csc_array(inertia))
     assert 0.94 * largest < pair.spectrum()[-1] <= largest * (1 + 1e-9)
+
+
+TEXT = f"study: a{HEAVY_SCENE}axes: {{h: H, alpha: {{lin: [1, 2, COUNT]}}}}\n"
+PLAIN = "output: {interval: 0.1, histories: [], balances: false}\n"
+
+
+def seconds_of(text: str) -> float:
+    return model_seconds(arrange(parsed(text)))
+
+
+def heavy(count: int, more: str = PLAIN, h: str = "1e-6") -> str:
+    return TEXT.replace("H", h, 1).replace("COUNT", str(count)) + more
+
+
+def test_the_model_counts_what_takes_time() -> None:
+    """Whole packs, balances, and the steady rubs of the exact scheme."""
+    seven, eight, many = (seconds_of(heavy(count, h="1e-7")) for count in (7, 8, 512))
+    assert seven == pytest.approx(eight, rel=3e-3)  # but for the growth rate of one more alpha
+    with_balances = seconds_of(heavy(512, PLAIN.replace("false", "true"), "1e-7"))
+    assert 1.2 * many < with_balances < 1.5 * many
+    exact = heavy(8).replace("h: 1e-6", "scheme: event_driven")
+    assert seconds_of(exact.replace("histories", "steady: true, histories")) > seconds_of(exact)
+
+
+def test_fast_waves_cost_the_exact_scheme_more() -> None:
+    """A load harmonic of order 40 asks for forty times the certified steps of the load's own period."""
+    exact = heavy(1000).replace("h: 1e-6", "scheme: event_driven, e: 0.5")
+    waves = exact.replace("frequency: 20}", "frequency: 20, harmonics: [{order: 40, amplitude: 1}]}\n  speed: 20")
+    assert seconds_of(waves) > 5 * seconds_of(exact)
+
+
+def test_a_plan_says_an_order_of_time() -> None:
+    orders = ["seconds", "minutes", "hours", "days"]
+    assert [order_of_time(seconds) for seconds in (0.0, 61.0, 7200.0, 1e6)] == orders
+    short, long = heavy(8, h="1e-4"), heavy(2048, h="1e-11")
+    assert [plan_study(parsed(text)).time for text in (short, long)] == ["seconds", "days"]
+    assert plan_study(parsed(f"{short}reference: {{scheme: moreau, h: 1e-11}}\n")).time != "seconds"

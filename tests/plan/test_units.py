@@ -53,7 +53,8 @@ def test_per_cent_are_no_ratios() -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "other"), [("4430", "4.43"), ("4430", "7.85e-9"), ("stiffness: 1.0e6", "stiffness: 1e3"), ("1.0e6", "3e9")]
+    ("given", "other"),
+    [("4430", "4.43"), ("4430", "7.85e-9"), ("stiffness: 1.0e6", "stiffness: 1e3"), ("1.0e6", "3e9")],
 )
 def test_densities_and_stiffnesses_of_no_machine(given: str, other: str) -> None:
     assert "unit" not in warnings(STUDY)

@@ -1,5 +1,6 @@
-"""A study to its archive: whole, resumed, refused, on any number of threads."""
+"""A study to its archive: whole, resumed, refused, on any number of threads; what is said of unsettled rubs."""
 
+import json
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -10,9 +11,11 @@ import xarray as xr
 
 from quick import quick
 from studies import ILL, SINGLE, SMALL, cut_finely, parsed
-from workflow.analysis import failures
+from workflow.analysis import failures, labels
 from workflow.archive import content_hash, open_archive, parts_of
-from workflow.run import _threads, run_study
+from workflow.judges.load_periods import change_of_impulse
+from workflow.plan import plan_study
+from workflow.run import Outcome, _threads, run_study, warnings_of
 
 
 def test_a_study_becomes_one_labelled_archive(tmp_path: Path) -> None:
@@ -24,7 +27,7 @@ def test_a_study_becomes_one_labelled_archive(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [archive]
     with xr.open_dataset(archive) as data:
         assert dict(data["displacement"].sizes) == {"model": 2, "h": 2, "e": 3, "alpha": 5, "t": 61}
-        assert data["t"].values[-1] == 0.06
+        assert data["t"].values.tolist() == [k / 1000 for k in range(61)]  # decimals, found by their labels
         assert data["alpha"].attrs["units"] == "W N-1"
         assert data["mechanical_modes"].values.tolist() == [1, 3]
         assert data["scheme"].item() == "moreau"
@@ -49,12 +52,14 @@ def test_failed_cases_are_told_and_the_rest_is_stored(tmp_path: Path) -> None:
         assert (data["runaway"].sel(alpha=[1e9, 2e9]) == 1).all()
 
 
-@pytest.mark.parametrize("name", ["gap", "alpha_and_e"])
+@pytest.mark.parametrize("name", ["gap", "alpha_and_e", "point", "phase"])
 def test_a_zip_of_any_admissible_name_can_be_opened(name: str, tmp_path: Path) -> None:
+    """Also of the name of one of its numbers, or of a dimension that the archive lacks."""
     text = SINGLE + f"zip: {{{name}: {{scene.casing.gap: [5e-5, 4e-5], e: [0, 1]}}}}\n"
-    assert run_study(parsed(text), tmp_path / "a.nc").ok
-    with open_archive(tmp_path / "a.nc") as data:
+    with run_study(parsed(text), tmp_path / "a.nc").dataset as data:
+        assert (data["status"] == 0).all()
         assert data["contact_impulse"].dims == (name,)
+        assert name not in data.coords
 
 
 def test_parts_that_outlived_their_archive_go(tmp_path: Path) -> None:
@@ -77,13 +82,6 @@ def test_balances_are_kept_where_they_are_wanted(has_balances: bool, tmp_path: P
             for name in ("energy_residual", "heat_residual"):
                 assert np.isnan(archive[name].sel(scheme="event_driven"))
                 assert "NaN for event_driven" in archive[name].attrs["comment"]
-
-
-def test_decimal_sample_times_are_found_by_label(tmp_path: Path) -> None:
-    run_study(parsed(SINGLE), tmp_path / "a.nc")
-    with open_archive(tmp_path / "a.nc") as data:
-        for k in range(61):
-            assert data["t"].sel(t=float(f"{k / 1000:.3f}")).item() == k / 1000
 
 
 STUDY = quick({"h": [1e-4, 5e-5]}, reference={"scheme": "moreau", "h": 2e-5})
@@ -113,13 +111,61 @@ def test_pieces_of_a_graph_make_the_same_archive(tmp_path: Path, monkeypatch: py
     assert len({content_hash(tmp_path / f"{name}.nc") for name in ("whole", "cut", "pieces")}) == 1
 
 
-def test_an_axis_or_a_zip_may_have_the_name_of_a_dimension_that_the_archive_lacks(tmp_path: Path) -> None:
+def test_an_axis_may_have_the_name_of_a_dimension_that_the_archive_lacks(tmp_path: Path) -> None:
     phases = quick({"e": None, "scene.load.phase": [0.2, 0.6, 1.0]})
     with run_study(phases, tmp_path / "phases.nc").dataset as data:
         assert data["phase"].values.tolist() == [0.2, 0.6, 1.0]
         assert data["phase"].attrs["units"] == "rad"
-    for name in ("point", "phase"):
-        zipped = parsed(SMALL.replace("  model:", f"  {name}:"))
-        with run_study(zipped, tmp_path / f"{name}.nc").dataset as data:
-            assert name in data["status"].dims
-            assert name not in data.coords
+
+
+def test_a_dictionary_is_planned_and_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As a notebook does; a strong heat coupling ends ``ill_posed``."""
+    monkeypatch.chdir(tmp_path)
+    study = json.loads(quick({"alpha": [5.0, 1e9]}).text)
+    assert plan_study(study).cases == 6
+    done = run_study(study)
+    assert done.archive == Path("quick.nc")
+    status = done.dataset["status"]
+    words = labels(status)
+    assert words.dims == status.dims
+    assert set(words.values.flat) == {"ok", "ill_posed"}
+    assert set(labels(done.dataset["runaway"]).values.flat) <= {"bounded", "runaway"}
+    with pytest.raises(ValueError, match="flag_meanings"):
+        labels(done.dataset["impacts"])
+    assert ((words == "ok") == (status == 0)).all()
+
+
+def ran(place: Path, periods: int = 16, **more: Any) -> Outcome:
+    """A lump near its resonance, undamped, and one that settles in some periods."""
+    axes = {"scheme": "event_driven", "h": None, "e": 0.5, "alpha": 0, "scene.chain.damping.mass": [0, 4e3]}
+    scene = {"load.frequency": 6.25e3, "load.amplitude": 40, "casing.gap": 5e-5, "duration": periods / 6.25e3}
+    study = quick(axes, scene=scene, output={"interval": 4 / 6.25e3 / 16, "histories": [], **more})
+    return run_study(study, place / "a.nc", threads=1)
+
+
+def told(outcome: Outcome) -> list[str]:
+    return [line for line in outcome.warnings if "settled" in line]
+
+
+def test_a_rub_that_has_not_settled_is_told_with_the_case_that_changes_most(tmp_path: Path) -> None:
+    outcome = ran(tmp_path)
+    (line,) = told(outcome)
+    assert line.startswith(
+        "1 of 2 ok cases have not settled: the mean impulse of a load period changes by more than 5%"
+    )
+    with outcome.dataset as archive:
+        impulse = archive["period_impulse"].squeeze(drop=True).transpose("mass", "period").values
+        last, before = impulse[:, 12:].mean(axis=1), impulse[:, 8:12].mean(axis=1)
+        change = np.abs(last - before) / np.maximum(last, before)
+        assert change[0] > 0.05 > change[1] > 0
+        np.testing.assert_allclose(change_of_impulse(impulse), change)
+        assert f"most, {change[0]:.0%}: mass = 0; make `duration` longer" in line
+        assert line in warnings_of(archive)
+        assert not [one for one in warnings_of(archive.isel(mass=1)) if "settled" in one]
+
+
+@pytest.mark.parametrize(("periods", "output"), [(7, {}), (16, {"steady": True})])
+def test_few_periods_are_not_judged_and_steady_rubs_say_it_themselves(
+    periods: int, output: dict[str, Any], tmp_path: Path
+) -> None:
+    assert told(ran(tmp_path, periods, **output)) == []
