@@ -7,7 +7,7 @@ import xarray as xr
 from workflow.analysis import NothingSteadyError, limit_lines, limit_sentence, limits
 
 STATES = ("settles", "no_contact", "permanent_contact", "unstable", "runs_away", "not_found", "not_asked")
-BIFURCATIONS = ("none", "fold")
+BIFURCATIONS = ("none", "fold", "period_doubling", "torus", "grazing", "branch_point")
 STATE, BIFURCATION = (
     {"flag_values": range(len(words)), "flag_meanings": " ".join(words)} for words in (STATES, BIFURCATIONS)
 )
@@ -75,23 +75,31 @@ def test_other_axes_have_the_longest_interval_and_other_schemes_do_not_count() -
     ]
 
 
+def branch(name: str, ends: tuple[float, float], points: list[tuple[float, str, str]], unit: str = "m") -> xr.Dataset:
+    """One branch between two ends, of points with a value, a state and a bifurcation."""
+    values, states, flags = zip(*points, strict=True)
+    variables = {
+        name: ("point", np.array(values), {"units": unit, "branch": ends}),
+        "steady_state": ("point", np.array([STATES.index(one) for one in states], dtype=np.int8), STATE),
+        "steady_periods": ("point", np.where(np.isnan(values), np.nan, 1.0)),
+        "steady_max_temperature": ("point", np.array(values)),
+        "bifurcation": ("point", np.array([BIFURCATIONS.index(one) for one in flags], dtype=np.int8), BIFURCATION),
+        "status": ((), np.int8(0)),
+    }
+    return xr.Dataset(variables)
+
+
+U = "unstable"
+HIDDEN = [(4.0, N, "none"), (0.9, N, "grazing"), (2.0, U, "none"), (3.5, U, "fold"), (2.0, S, "none"), (0.1, S, "none")]
+
+
 def branches() -> xr.Dataset:
     """Two branches in α: one folds back at 12, one ends with its range; behind the last point there is nothing."""
-    alpha = np.array([[0, 6, 10, 12, 8, 2], [0, 10, 20, np.nan, np.nan, np.nan]], dtype=float)
-    names = [[S, S, S, "unstable", "unstable", "unstable"], [S, S, S, *["not_found"] * 3]]
-    state = np.array([[STATES.index(name) for name in row] for row in names], dtype=np.int8)
-    fold = np.zeros((2, 6), dtype=np.int8)
-    fold[0, 3] = BIFURCATIONS.index("fold")
-    dims = ("gap", "point")
-    variables = {
-        "alpha": (dims, alpha, {"units": "W N-1"}),
-        "steady_state": (dims, state, STATE),
-        "steady_periods": (dims, np.where(np.isnan(alpha), np.nan, 1.0)),
-        "steady_max_temperature": (dims, alpha),
-        "bifurcation": (dims, fold, BIFURCATION),
-        "status": ("gap", np.zeros(2, dtype=np.int8)),
-    }
-    return xr.Dataset(variables, coords={"gap": ("gap", GAP[:2], {"units": "m"})})
+    stable = [[(alpha, S, "none") for alpha in alphas] for alphas in ((0.0, 6.0, 10.0), (0.0, 10.0, 20.0))]
+    folded = [*stable[0], (12.0, U, "fold"), (8.0, U, "none"), (2.0, U, "none")]
+    whole = [*stable[1], *[(np.nan, "not_found", "none")] * 3]
+    both = [branch("alpha", (0.0, 20.0), points, "W N-1") for points in (folded, whole)]
+    return xr.concat(both, "gap").assign_coords(gap=("gap", GAP[:2], {"units": "m"}))
 
 
 @pytest.mark.parametrize("turned", [False, True])
@@ -115,26 +123,6 @@ def test_a_fold_ends_a_branch(turned: bool) -> None:
     assert text == "alpha from 0 to 12 W/N all branches keep within; there a fold ends it (gap = 1e-05 m)."
     cooler = limits(dataset, temperature=7.0).limits[0]
     assert (cooler.stop, cooler.next, cooler.limited_by) == (0, 10, "temperature")
-
-
-def branch(name: str, ends: tuple[float, float], points: list[tuple[float, str, str]]) -> xr.Dataset:
-    """One branch between two ends, of points with a value, a state and a bifurcation."""
-    values, states, flags = zip(*points, strict=True)
-    words = ("none", "fold", "period_doubling", "torus", "grazing", "branch_point")
-    about = {"flag_values": range(6), "flag_meanings": " ".join(words)}
-    variables = {
-        name: ("point", np.array(values), {"units": "m", "branch": ends}),
-        "steady_state": ("point", np.array([STATES.index(one) for one in states], dtype=np.int8), STATE),
-        "steady_periods": ("point", np.ones(len(values))),
-        "steady_max_temperature": ("point", np.array(values)),
-        "bifurcation": ("point", np.array([words.index(one) for one in flags], dtype=np.int8), about),
-        "status": ((), np.int8(0)),
-    }
-    return xr.Dataset(variables)
-
-
-U = "unstable"
-HIDDEN = [(4.0, N, "none"), (0.9, N, "grazing"), (2.0, U, "none"), (3.5, U, "fold"), (2.0, S, "none"), (0.1, S, "none")]
 
 
 def lines(dataset: xr.Dataset, **bounds: float) -> list[str]:
@@ -163,15 +151,8 @@ def test_an_unstable_arm_at_the_same_values_does_not_count(turned: bool) -> None
 
 
 def test_an_arm_between_two_folds_has_both_ends_and_a_bound_cuts_it() -> None:
-    points = [
-        (0.0, U, "none"),
-        (5.0, U, "fold"),
-        (4.0, S, "none"),
-        (3.0, S, "none"),
-        (2.0, U, "fold"),
-        (9.0, U, "none"),
-    ]
-    dataset = branch("flow", (0.0, 9.0), points)
+    points = (0.0, U, "none"), (5.0, U, "fold"), (4.0, S, "none"), (3.0, S, "none"), (2.0, U, "fold"), (9.0, U, "none")
+    dataset = branch("flow", (0.0, 9.0), [*points])
     assert lines(dataset)[0] == "flow from 2 to 5 m the rub settles; at 2 m a fold ends it and at 5 m a fold ends it."
     cut = "flow from 2 to 3 m the rub settles; at 2 m a fold ends it and at 4 m the temperature exceeds 3 K."
     assert lines(dataset, temperature=3.0)[0] == cut
@@ -204,16 +185,12 @@ def transients(contacts: int) -> xr.Dataset:
     impulse[2, :, 12:] = np.nan  # fewer periods than the others
     impulse[1, -1, -1], impulse[2, -1, 11] = 1.05, 1.1
     shaped = impulse if contacts else impulse[:, 0]
+    hottest = np.array([60.0, 40.0, 20.0])[:, None] + np.arange(max(contacts, 1))
     x = np.zeros((3, max(contacts, 1), 5))
     x[:, 0, 2] = [1e-6, -3e-5, 2e-5]
     variables = {
         "period_impulse": (("gap", *own, "period"), shaped),
-        "max_temperature": (
-            ("gap", *own),
-            (np.array([60.0, 40.0, 20.0])[:, None] + np.arange(max(contacts, 1)))[:, : contacts or 1].reshape(
-                3, *([contacts] if contacts else [])
-            ),
-        ),
+        "max_temperature": (("gap", *own), hottest if contacts else hottest[:, 0]),
         "displacement": (("gap", *own, "t"), x if contacts else x[:, 0]),
         "status": ("gap", np.zeros(3, dtype=np.int8)),
         "runaway": ("gap", np.zeros(3, dtype=np.int8)),

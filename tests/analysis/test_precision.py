@@ -1,13 +1,16 @@
-"""Speed against error: observed orders, limits, and who is fastest, on lines whose answer is known."""
+"""Speed against error: observed orders, limits, who is fastest, and who stays stable, on archives made for it."""
+
+from typing import Any
 
 import numpy as np
 import pytest
 import xarray as xr
 
 from errors_over_steps import H as LONG
-from errors_over_steps import over_steps
-from workflow.analysis import hidden, lines, observed_order
+from errors_over_steps import archive_of, over_steps
+from workflow.analysis import hidden, lines, observed_order, ranges, standings
 from workflow.report._sections import _limit
+from workflow.schemes import Status
 
 H = np.logspace(-6, -3, 7)
 
@@ -41,23 +44,14 @@ def test_a_scheme_without_contact_is_not_exact() -> None:
 def study(e_matters: float) -> xr.Dataset:
     """Two schemes, three steps, e and alpha; errors h for ``rough`` and 0 for ``exact``."""
     h, e, alpha = np.array([1e-4, 1e-3, 1e-2]), np.array([0.0, 0.5, 0.9]), np.array([0.0, 1.0])
-    dims, shape = ("scheme", "h", "e", "alpha"), (2, 3, 3, 2)
-    error = np.zeros(shape)
-    error[0] = h[:, None, None]
-    impulse = np.broadcast_to(1 + e_matters * e[:, None] + 0.5 * alpha, shape) * (1 + error)
-    names = ("impulse_error", "temperature_error", "displacement_error")
-    return xr.Dataset(
-        {
-            "status": (dims, np.zeros(shape, dtype=np.int8)),
-            "contact_impulse": (dims, impulse),
-            "max_temperature": (dims, np.zeros(shape)),
-            **dict.fromkeys(names, (dims, error)),
-            "processor_time": (dims, np.broadcast_to(1e-3 / h[:, None, None], shape)),
-            "max_penetration": (dims, error),
-            "predictability": (dims, np.full(shape, 1e-13)),
-        },
-        coords={"scheme": ["rough", "exact"], "h": h, "e": e, "alpha": alpha},
-        attrs={"duration": 2.0},
+    error = np.array([h, 0 * h])[:, :, None, None]
+    return archive_of(
+        error,
+        {"scheme": ["rough", "exact"], "h": h, "e": e, "alpha": alpha},
+        contact_impulse=(1 + e_matters * e[:, None] + 0.5 * alpha) * (1 + error),
+        max_temperature=0.0,
+        processor_time=1e-3 / h[:, None, None],
+        max_penetration=error,
     )
 
 
@@ -100,18 +94,11 @@ def test_lines_of_an_archive() -> None:
 def orders() -> xr.Dataset:
     """Errors of order 1 and 2 at two heat couplings; one case is lost at its largest steps, one cannot be predicted."""
     error = np.stack([0.05 * (H / H[-1]), 0.05 * (H / H[-1]) ** 2])[:, None] * np.array([1.0, 0.5])[:, None]
-    status = np.zeros(error.shape, dtype=np.int8)
-    status[1, 1, -5:] = 1
-    dims = ("scheme", "alpha", "h")
-    return xr.Dataset(
-        {
-            "impulse_scheme_error": (dims, error),
-            "impulse_error": (dims, error + 1e-2),
-            "status": (dims, status),
-            "predictability": (dims, np.broadcast_to([[[1e-14], [1e-14]], [[1.0], [1e-14]]], error.shape)),
-        },
-        coords={"scheme": ["one", "two"], "alpha": [0.0, 1.0], "h": H},
-    )
+    known = np.array([[[1e-14], [1e-14]], [[1.0], [1e-14]]])
+    coords = {"scheme": ["one", "two"], "alpha": [0.0, 1.0], "h": H}
+    dataset = archive_of(error + 1e-2, coords, impulse_scheme_error=error, predictability=known)
+    dataset["status"][1, 1, -5:] = 1
+    return dataset.drop_vars("temperature_error")
 
 
 def test_observed_orders_of_effects() -> None:
@@ -147,3 +134,91 @@ def test_an_order_needs_errors_and_steps() -> None:
         observed_order(orders(), "temperature_error")
     with pytest.raises(ValueError, match="one step h; an order needs three"):
         observed_order(orders().isel(h=0))
+
+
+STEPS = [1e-5, 1e-4, 1e-3]
+
+
+def one_scheme(status: Any, error: Any, residual: Any = 0.0, depth: Any = 0.0) -> xr.Dataset:
+    """One scheme at three steps with two cases each."""
+    status, error, residual, depth = (np.asarray(of_step)[..., None] for of_step in (status, error, residual, depth))
+    dataset = archive_of(
+        0.0,
+        {"scheme": ["one"], "h": STEPS, "e": [0.0, 0.5], "gap": 1e-3},
+        status=status,
+        impulse_error=error,
+        processor_time=1.0,
+        energy_residual=residual,
+        max_penetration=depth,
+    )
+    dataset["h"].attrs["units"] = "s"
+    return dataset
+
+
+@pytest.mark.parametrize(
+    ("status", "error", "residual", "verdict"),
+    [
+        (Status.OK, 0.01, 0.0, "within 1 %"),
+        (Status.OK, 0.0101, 0.0, "within 10 %"),
+        (Status.OK, 0.11, -5.0, "beyond 10 %"),
+        (Status.OK, np.inf, 0.0, "beyond 10 %"),
+        (Status.OK, np.nan, 0.0, "stable"),
+        (Status.OK, 0.001, 0.02, "gains energy"),
+        (Status.DIVERGED, 0.0, 0.0, "diverged"),
+        (Status.ILL_POSED, 0.0, 0.0, "ill-posed"),
+        (Status.FAILED, 0.0, 0.0, "failed"),
+    ],
+)
+def test_verdicts_follow_the_rule(status: Status, error: float, residual: float, verdict: str) -> None:
+    assert {row.verdict for row in standings(one_scheme(status, error, residual))} == {verdict}
+
+
+def test_a_part_that_is_lost_is_reported() -> None:
+    dataset = one_scheme(Status.OK, 0.0)
+    dataset["status"][0, 1, 1] = Status.DIVERGED
+    assert [row.verdict for row in standings(dataset)] == ["within 0.1 %", "diverged in part", "within 0.1 %"]
+    assert [row.counts for row in standings(dataset)][1] == {"ok": 1, "diverged": 1}
+
+
+def test_a_gain_shows_beside_a_larger_loss() -> None:
+    dataset = one_scheme(Status.OK, 0.001)
+    dataset["energy_residual"][0, 0] = [-0.4, 0.03]
+    dataset["energy_residual"][0, 1] = [-0.4, 0.0]
+    assert [row.verdict for row in standings(dataset)] == ["gains energy", "within 0.1 %", "within 0.1 %"]
+    assert standings(dataset)[0].residual == -0.4
+
+
+def test_ranges_end_before_the_first_step_that_is_not_good() -> None:
+    dataset = one_scheme([Status.OK, Status.OK, Status.DIVERGED], [0.001, 0.05, 7.0], depth=[1e-6, 4e-4, 3.0])
+    (row,) = ranges(dataset)
+    assert (row.stable, row.accurate) == ("0.0001 s", "1e-05 s")
+    assert (row.ok, row.cases) == (4, 6)
+    assert (row.finest, row.coarsest) == (0.001, 0.05)  # what diverged has no error
+    assert row.penetration == pytest.approx(0.4)
+    assert row.verdicts == ("within 0.1 %", "within 10 %", "diverged")
+
+
+def test_steps_near_a_limit_are_told_apart() -> None:
+    """Four digits named both 0.00010028 s, the last that holds, and 0.00010031 s, which diverges."""
+    dataset = one_scheme([Status.OK, Status.OK, Status.DIVERGED], 0.0)
+    near = dataset.assign_coords(h=("h", [1e-4, 1.0028e-4, 1.0031e-4], {"units": "s"}))
+    assert ranges(near)[0].stable == "0.00010028 s"
+
+
+def test_every_and_no_step() -> None:
+    (good,) = ranges(one_scheme(Status.OK, 0.0))
+    (bad,) = ranges(one_scheme(Status.DIVERGED, 0.0))
+    assert (good.stable, good.accurate) == ("every h", "every h")
+    assert (bad.stable, bad.accurate) == ("no h", "")
+
+
+def test_steps_in_any_order() -> None:
+    dataset = one_scheme([Status.OK, Status.OK, Status.DIVERGED], [0.001, 0.05, 7.0])
+    assert ranges(dataset.isel(h=[2, 0, 1])) == ranges(dataset)
+
+
+def test_an_archive_without_scheme_step_and_errors() -> None:
+    dataset = one_scheme(Status.OK, 0.0).drop_vars(["impulse_error", "energy_residual"]).isel(scheme=0, h=0)
+    (row,) = standings(dataset)
+    assert (row.scheme, row.step, row.verdict) == ("one", "", "stable")
+    assert np.isnan(row.error)

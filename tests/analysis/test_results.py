@@ -8,6 +8,7 @@ import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 
+from errors_over_steps import archive_of
 from quick import quick
 from studies import FALLING_BALL, parsed
 from workflow import compare, contact_phases, labels, recommend, work_precision
@@ -171,21 +172,17 @@ def test_pictures_round_to_digits_that_tell_values_apart() -> None:
 
 def archive() -> xr.Dataset:
     """Two schemes and three steps in two scenes; the second scene's error is twice as large."""
-    h, gap = np.array([1e-5, 1e-4, 1e-3]), np.array([1e-5, 2e-5])
-    dims, shape = ("scheme", "h", "gap"), (2, 3, 2)
+    h = np.array([1e-5, 1e-4, 1e-3])
     error = np.array([1.0, 10.0])[:, None, None] * h[:, None] * np.array([1.0, 2.0])
-    status = np.zeros(shape, dtype=np.int8)
-    status[1, 2, 0] = 1
-    values = {"impulse_error": error, "temperature_error": 3 * error, "displacement_error": 0 * error}
-    return xr.Dataset(
-        {
-            **{name: (dims, value) for name, value in values.items()},
-            "status": (dims, status),
-            "processor_time": (dims, np.broadcast_to(np.array([3e-8, 1e-8])[:, None, None] / h[:, None], shape)),
-        },
-        coords={"scheme": ["fine", "rough"], "h": h, "gap": gap, "alpha": 30.0},
-        attrs={"duration": 2.0},
+    dataset = archive_of(
+        error,
+        {"scheme": ["fine", "rough"], "h": h, "gap": [1e-5, 2e-5], "alpha": 30.0},
+        temperature_error=3 * error,
+        displacement_error=0 * error,
+        processor_time=np.array([3e-8, 1e-8])[:, None, None] / h[:, None],
     )
+    dataset["status"][1, 2, 0] = 1
+    return dataset
 
 
 def test_cost_and_error_of_known_choices() -> None:

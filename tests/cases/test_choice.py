@@ -6,18 +6,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from quick import hashes_of
 from scenes import relative
 from studies import SCENE, parsed
+from terminal import told
 from workflow import schemes
 from workflow.analysis import decided, labels_of, recommend, recommendation_entries, sentence
 from workflow.archive import open_archive, provenance
 from workflow.cases import ChosenModes, arrange, read_choices
 from workflow.cases._choice import corners_of
 from workflow.cases._conditions import conditions
-from workflow.cli import app
 from workflow.judges import trials
 from workflow.models import Structure, structure_of
 from workflow.plan import plan_study
@@ -183,10 +182,10 @@ def test_a_hardest_case_that_fails_leaves_all_vectors(monkeypatch: pytest.Monkey
 
 
 @pytest.mark.parametrize(
-    ("reference", "told"),
+    ("reference", "meaning"),
     [("", "only a `reference` would tell"), ("reference: {mechanical_modes: full, thermal_modes: full}", "own errors")],
 )
-def test_corners_that_are_left_out_are_named_with_what_that_means(tmp_path: Path, reference: str, told: str) -> None:
+def test_corners_that_are_left_out_are_named_with_what_that_means(tmp_path: Path, reference: str, meaning: str) -> None:
     """By `plan`, by the archive and by `show`: a tip that runs away leaves the numbers at the stronger coupling."""
     requested = study(f"alpha: [1, 1e9], {AUTO}, tolerance: 1e-2", reference)
     [choice] = arrange(requested).choices.values()
@@ -194,10 +193,10 @@ def test_corners_that_are_left_out_are_named_with_what_that_means(tmp_path: Path
     assert choice.untried.startswith("without 1 of 2 corners of the scene: alpha = 1e+09 (diverged: the state left")
     [caution] = [text for text in plan_study(requested).warnings if "corners" in text]
     assert choice.untried in caution
-    assert told in caution
+    assert meaning in caution
     path = tmp_path / "a.nc"
     assert caution in run_study(requested, path, threads=1).warnings
-    assert caution in CliRunner().invoke(app, ["show", str(path)]).output
+    assert caution in told("show", path)[1]
     with open_archive(path) as archive:
         assert caution in archive.attrs["warnings"]
     [kept] = read_choices(provenance(path)["choices"]).values()
@@ -295,5 +294,5 @@ def test_show_and_plan_count_the_conditions_that_meet_the_tolerance(tmp_path: Pa
     with open_archive(path) as archive:
         [one] = decided(archive)
     assert (one.met, one.conditions) == (17, 18)
-    for command in (["show", str(path)], ["plan", str(study), "-o", str(path)]):
-        assert "met in 17 of 18 conditions" in " ".join(CliRunner().invoke(app, command).output.split())
+    for words in (("show", path), ("plan", study, "-o", path)):
+        assert "met in 17 of 18 conditions" in " ".join(told(*words)[1].split())

@@ -10,12 +10,12 @@ from typing import Any
 
 import pytest
 from rich.console import Console
-from typer.testing import CliRunner
 
 import workflow.run
 from studies import ILL, SINGLE, steady_study, written
+from terminal import told
 from workflow.archive import open_archive
-from workflow.cli import _terminal, app
+from workflow.cli import _terminal
 from workflow.cli._terminal import following
 from workflow.run import Advance, Follower, run_study
 
@@ -32,9 +32,9 @@ def steady(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ("options", "status"), [((), 0), (("--max-temperature", "1e-9 K", "--max-displacement", "1e-9 m"), 1)]
 )
 def test_the_command_answers(steady: Path, options: tuple[str, ...], status: int) -> None:
-    told = CliRunner().invoke(app, ["limits", str(steady), *options, "--json"])
-    assert told.exit_code == status, told.output
-    answer = json.loads(told.output)
+    ended, said = told("limits", steady, *options, "--json")
+    assert ended == status, said
+    answer = json.loads(said)
     assert set(answer) == {"limits", "each", "cases", "within", "beyond", "remarks"}
     assert (answer["within"] > 0) == (status == 0)
     ends = {"from", "to", "next", "limited_by", "previous", "begun_by"}
@@ -43,40 +43,35 @@ def test_the_command_answers(steady: Path, options: tuple[str, ...], status: int
 
 @pytest.mark.parametrize("bound", ["40 m", "-5K", "-5"])
 def test_the_command_refuses(steady: Path, bound: str) -> None:
-    told = CliRunner().invoke(app, ["limits", str(steady), "--max-temperature", bound])
-    assert told.exit_code == 2
-    assert bound.split()[0] in told.output
+    status, said = told("limits", steady, "--max-temperature", bound)
+    assert (status, bound.split()[0] in said) == (2, True)
 
 
 @pytest.mark.parametrize("bound", ["40K", "40"])
 def test_the_command_says_it_in_sentences(steady: Path, bound: str) -> None:
-    told = CliRunner().invoke(app, ["limits", str(steady), "--max-temperature", bound])
-    assert told.exit_code == 0
-    assert "alpha from 0 to 2 W/N: all cases are within; at 5 W/N the temperature exceeds 40 K" in told.output
-    assert "gap = 2e-05 m: alpha from 0 to 2 W/N; at 5 W/N the temperature exceeds 40 K.\n" in told.output
-    assert "5 of 8 within; 1 above the temperature, 2 runs_away." in told.output
+    status, said = told("limits", steady, "--max-temperature", bound)
+    assert status == 0
+    assert "alpha from 0 to 2 W/N: all cases are within; at 5 W/N the temperature exceeds 40 K" in said
+    assert "gap = 2e-05 m: alpha from 0 to 2 W/N; at 5 W/N the temperature exceeds 40 K.\n" in said
+    assert "5 of 8 within; 1 above the temperature, 2 runs_away." in said
 
 
 def test_archives_without_steady_rubs_are_judged_by_their_periods(tmp_path: Path) -> None:
     plain = run_study(steady_study({"alpha": [0, 30]}, False), tmp_path / "b.nc").archive
     with open_archive(plain) as opened:
         largest = float(abs(opened["displacement"]).sel(alpha=0).max())
-    told = CliRunner().invoke(app, ["limits", str(plain)])
-    assert told.exit_code == 0
-    assert (
-        "alpha from 0 to 0 W/N: all cases are within; at 30 W/N the rub has not settled.\n1 of 2 within" in told.output
-    )
-    assert "from this start" in told.output
+    status, said = told("limits", plain)
+    assert status == 0
+    assert "alpha from 0 to 0 W/N: all cases are within; at 30 W/N the rub has not settled.\n1 of 2 within" in said
+    assert "from this start" in said
     for share, status in ((1.01, 0), (0.5, 1)):
-        bound = ["--max-displacement", repr(share * largest)]
-        assert CliRunner().invoke(app, ["limits", str(plain), *bound]).exit_code == status
+        assert told("limits", plain, "--max-displacement", repr(share * largest))[0] == status
 
 
 def test_the_page_begins_with_it(steady: Path, tmp_path: Path) -> None:
-    told = CliRunner().invoke(app, ["limits", str(steady)]).output.splitlines()
-    assert CliRunner().invoke(app, ["report", str(steady), "-o", str(tmp_path / "a.html")]).exit_code == 0
-    page = (tmp_path / "a.html").read_text(encoding="utf-8")
-    assert told[0] in html.unescape(page.split("<h2>")[1])
+    first = told("limits", steady)[1].splitlines()[0]
+    assert told("report", steady, "-o", tmp_path / "a.html")[0] == 0
+    assert first in html.unescape((tmp_path / "a.html").read_text(encoding="utf-8").split("<h2>")[1])
 
 
 SLOW = Advance(540, 204, {"diverged": 2}, 0.349, 12.4, 16.45, 125.0)
@@ -101,15 +96,14 @@ def test_a_line_comes_again_and_again_without_a_terminal(tmp_path: Path, monkeyp
     monkeypatch.setattr(_terminal, "EVERY", 0.01)
     monkeypatch.setattr(_terminal, "print_error", print_error)
     monkeypatch.setattr(workflow.run, "run_study", slow_run)
-    result = CliRunner().invoke(app, ["run", str(written(SINGLE, tmp_path)), "-o", str(tmp_path / "a.nc")])
-    assert result.exit_code == 0
-    assert "34 %" not in result.stdout
+    status, said = told("run", written(SINGLE, tmp_path), "-o", tmp_path / "a.nc")
+    assert (status, "34 %" in said) == (0, False)
     line = next(line for line in lines if "34 %" in line)
     assert re.fullmatch(r"a\.nc: 34 %, \d:\d\d elapsed, [012]:\d\d left; 204 of 540 cases, 16/s, 2 diverged", line)
 
 
 def test_a_bar_fits_in_a_terminal_and_shows_the_time_before_anything_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
-    for told, line in (
+    for advances, line in (
         ([], "0:00 elapsed"),
         ([SLOW], "34 %, 0:00 elapsed, 2:0[45] left; 204 of 540 cases, 16/s, 2 diverged"),
     ):
@@ -117,7 +111,7 @@ def test_a_bar_fits_in_a_terminal_and_shows_the_time_before_anything_is_known(mo
         console = Console(file=screen, force_terminal=True, width=80, markup=False)
         monkeypatch.setattr(_terminal, "console", lambda console=console: console)
         with following(follower, "a.nc", False):
-            for advance in told:
+            for advance in advances:
                 follower(advance)
         assert re.search(line, screen.getvalue())
         assert "failed" not in screen.getvalue()
@@ -125,7 +119,5 @@ def test_a_bar_fits_in_a_terminal_and_shows_the_time_before_anything_is_known(mo
 
 def test_a_quiet_run_shows_nothing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(_terminal, "EVERY", 0.0)
-    words = ["run", str(written(ILL, tmp_path)), "-q", "-o", str(tmp_path / "a.nc")]
-    result = CliRunner().invoke(app, words)
-    assert result.exit_code == 1
-    assert "elapsed" not in result.output
+    status, said = told("run", written(ILL, tmp_path), "-q", "-o", tmp_path / "a.nc")
+    assert (status, "elapsed" in said) == (1, False)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from errors_over_steps import archive_of
 from workflow.analysis import exact_partners, notable_cases, recommend
 from workflow.plots._units import scaled
 from workflow.report._explorer import described, on_screen, shown_part, thinned, thinned_times, three_digits
@@ -17,26 +18,13 @@ RNG = np.random.default_rng(1)
 
 def archive(**sizes: int) -> xr.Dataset:
     """An archive with errors that grow with h, scheme ``b`` exact; the last case diverges."""
-    dims = tuple(sizes)
-    shape = tuple(sizes.values())
-    coords: dict[str, Any] = {name: np.arange(1, size + 1) * 1e-6 for name, size in sizes.items() if name != "scheme"}
-    coords["scheme"] = ["a", "b", "c"][: sizes.get("scheme", 1)] if "scheme" in sizes else "a"
-    error = np.ones(shape)
-    if "h" in sizes:
-        error = error * coords["h"].reshape([-1 if name == "h" else 1 for name in dims]) * 1e3
-    if "scheme" in sizes:
-        at = [slice(None)] * len(dims)
-        at[dims.index("scheme")] = 1
-        error[tuple(at)] = 0
-    status = np.zeros(shape, np.int8)
-    status[(-1,) * len(dims)] = 1
-    data = {
-        "status": (dims, status),
-        "processor_time": (dims, np.full(shape, 2e-3)),
-        "max_temperature": (dims, RNG.random(shape)),
-        **{f"{name}_error": (dims, error) for name in ("displacement", "temperature", "impulse")},
-    }
-    return xr.Dataset(data, coords=coords, attrs={"duration": 0.5})
+    coords: dict[str, Any] = {name: np.arange(1, size + 1) * 1e-6 for name, size in sizes.items()}
+    coords |= {"scheme": ["a", "b", "c"][: sizes["scheme"]] if "scheme" in sizes else "a"}
+    scheme, h = (xr.DataArray(coords.get(name, 1e-3), dims=[name] * (name in sizes)) for name in ("scheme", "h"))
+    error = (1e3 * h * (scheme != "b")).broadcast_like(xr.Dataset(coords=coords)).transpose(*sizes)
+    dataset = archive_of(error.values, coords, processor_time=2e-3, max_temperature=RNG.random([*sizes.values()]))
+    dataset["status"][(-1,) * len(sizes)] = 1
+    return dataset
 
 
 def test_thinning_keeps_the_least_and_the_largest_of_every_piece() -> None:

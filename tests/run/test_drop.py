@@ -7,13 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from quick import hashes_of, interrupted, quick
 from studies import cut_finely, written
+from terminal import told
 from workflow.archive import ArchiveError, _provenance, open_archive, parts_of, provenance
 from workflow.cases import _identity
-from workflow.cli import app
 from workflow.run import _prepare, _verify, holdings, run_study
 from workflow.schemes import SOLVER_VERSION
 from workflow.study import Study, parse_study
@@ -156,20 +155,18 @@ def test_an_unfinished_run_of_the_study_as_it_was_is_kept(tmp_path: Path, monkey
 
 
 def test_the_command_line(tmp_path: Path) -> None:
-    archive = str(tmp_path / "a.nc")
-    call = CliRunner().invoke
-    assert call(app, ["run", str(written(quick().text, tmp_path)), "-o", archive]).exit_code == 0
-    narrowed = str(written(quick({"e": [0.9]}).text, tmp_path))
-    refusal = call(app, ["run", narrowed, "-o", archive])
-    assert refusal.exit_code == 2
-    assert "6 stored cases would be lost; --drop" in refusal.stderr
-    planned = call(app, ["plan", narrowed, "-o", archive])
-    assert "3 stored, 0 missing, 6 no longer asked for" in planned.output
-    assert "beware: " in planned.output
-    assert "6 stored cases would be lost; --drop" in planned.output
-    held = json.loads(call(app, ["plan", narrowed, "-o", archive, "--json"]).output)["archive"]
+    archive = tmp_path / "a.nc"
+    assert told("run", written(quick().text, tmp_path), "-o", archive)[0] == 0
+    narrowed = written(quick({"e": [0.9]}).text, tmp_path)
+    status, said = told("run", narrowed, "-o", archive)
+    assert (status, "6 stored cases would be lost; --drop" in said) == (2, True)
+    _, planned = told("plan", narrowed, "-o", archive)
+    assert "3 stored, 0 missing, 6 no longer asked for" in planned
+    assert "beware: " in planned
+    assert "6 stored cases would be lost; --drop" in planned
+    held = json.loads(told("plan", narrowed, "-o", archive, "--json")[1])["archive"]
     assert (held["stored"], held["missing"], held["dropped"]) == (3, 0, 6)
-    assert "all of them stored before" in call(app, ["run", narrowed, "-o", archive, "--drop"]).output
+    assert "all of them stored before" in told("run", narrowed, "-o", archive, "--drop")[1]
 
 
 NOW = 1000
