@@ -55,6 +55,22 @@ def hashes_of(study: Study) -> list[bytes]:
 
 
 @contextmanager
+def counted() -> Iterator[list[list[int]]]:
+    """Collect the places of the cases for which tasks ask the solver."""
+    from workflow.run import _task
+
+    solve_in_parts, asked = _task.solve_in_parts, list[list[int]]()
+
+    def counting(grid: Any, outer: int, inner: Any, **more: Any) -> Any:
+        asked.append(inner.tolist())
+        return solve_in_parts(grid, outer, inner, **more)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(_task, "solve_in_parts", counting)
+        yield asked
+
+
+@contextmanager
 def room_for(shards: int) -> Iterator[list[bytes]]:
     """Let so many shards be written; the next one fails. Give the hashes of the cases that are in them."""
     from workflow.run import _task

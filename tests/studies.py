@@ -58,6 +58,18 @@ scene:
 """
 """2 kg that fall 1 m and bounce."""
 
+PRESSED = """
+scene:
+  chain: {nodes: 1, mass: 1, stiffness: 1, damping: {mass: 0.5}, heat_capacity: 1}
+  casing: {gap: 0}
+  load: {mean: 2}
+  initial: {velocity: -1}
+  duration: 1000
+schemes: {exact: {method: event_driven, events: 2000}}
+reference: {scheme: exact}
+"""
+"""A damped tip pressed onto its casing: with e near 1 its reference fails, as bounces have no end."""
+
 SMALL = (
     "study: small\ntitle: A chain of four nodes that rubs\n"
     + SCENE

@@ -1,7 +1,6 @@
 """An archive grows with its study: the same bits as from nothing, and only what is new is run."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -12,29 +11,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-import workflow.run._task as running
-from quick import hashes_of, quick, room_for
-from studies import cut_finely
+from quick import counted, hashes_of, quick, room_for
+from studies import cut_finely, solve_all
 from workflow.archive import ArchiveError, content_hash, open_archive, provenance, stored_hashes
 from workflow.cases import arrange
 from workflow.plan import _template
 from workflow.run import run_study
-from workflow.solve import solve
 from workflow.study import Study
-
-
-@contextmanager
-def counted() -> Iterator[list[int]]:
-    """Count the cases that tasks ask the solver for."""
-    solve, sizes = running.solve_in_parts, []
-
-    def counting(grid: Any, outer: int, inner: Any, **more: Any) -> Any:
-        sizes.append(inner.size)
-        return solve(grid, outer, inner, **more)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(running, "solve_in_parts", counting)
-        yield sizes
 
 
 def from_nothing(study: Study, directory: Path) -> str:
@@ -53,7 +36,7 @@ def check_extension(old: Study, new: Study, directory: Path) -> None:
     fresh = [case for case in hashes_of(new) if case not in before]
     with counted() as solved:
         outcome = run_study(new, archive, threads=1, drop=True)
-    assert sum(solved) == len(set(fresh))
+    assert sum(map(len, solved)) == len(set(fresh))
     assert outcome.resumed == len(hashes_of(new)) - len(fresh)
     assert sorted(entry.name for entry in directory.iterdir() if entry.name != "from_nothing.nc") == ["a.nc"]
     assert content_hash(archive) == provenance(archive)["content_hash"] == from_nothing(new, directory)
@@ -164,7 +147,7 @@ def test_whatever_was_interrupted_before(seed: int, tmp_path: Path, monkeypatch:
     for study in (*STUDIES, STUDIES[-1]):
         with counted() as solved:
             outcome = run_study(study, archive, threads=1, drop=True)
-        assert sum(solved) + outcome.resumed == len(hashes_of(study))
+        assert sum(map(len, solved)) + outcome.resumed == len(hashes_of(study))
         with open_archive(archive) as data:
             assert [expected[case] for case in hashes_of(study)] == data["contact_impulse"].values.ravel().tolist()
     assert solved == []
@@ -174,9 +157,7 @@ def test_whatever_was_interrupted_before(seed: int, tmp_path: Path, monkeypatch:
 
 def of_cases(study: Study) -> list[float]:
     """Return the contact impulse of each case."""
-    grid = arrange(study)
-    solved = [solve(grid, outer, np.arange(grid.inner_count)) for outer in range(grid.outer_count)]
-    return [value for each in solved for value in each.values["contact_impulse"].tolist()]
+    return [value for solved in solve_all(study.text) for value in solved.values["contact_impulse"].tolist()]
 
 
 def test_a_title_is_changed_without_running_anything(tmp_path: Path) -> None:

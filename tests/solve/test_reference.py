@@ -2,13 +2,14 @@
 
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from matrix_files import as_sparse_npz, matrices_of
 from scenes import chain
-from studies import CHAOS, SCENE, parsed, solve_all, written
+from studies import CHAOS, PRESSED, SCENE, parsed, solve_all, written
 from workflow import schemes
 from workflow.cases import arrange, solution_counts
 from workflow.models import Rayleigh, Structure
@@ -18,7 +19,7 @@ from workflow.schemes import Status
 from workflow.solve import ReferenceBlock, References, Solved, solve, tasks
 from workflow.solve import _tasks as cutting
 from workflow.solve._solutions import ReferenceSolutions, solution_seconds
-from workflow.study import CaseSettings, read_study
+from workflow.study import CaseSettings, Study, read_study
 
 REFERRED = (
     "study: a\n"
@@ -33,34 +34,30 @@ output: {interval: 1 ms}
 )
 
 
-def counted_references(text: str, monkeypatch: pytest.MonkeyPatch, path: Path) -> list[int]:
-    """Run a study and return the cases of each batch that moreau steps at the reference's h = 2e-5."""
-    moreau = import_module("workflow.schemes.moreau")
-    compute, counted = moreau.compute, []
+def counted(method: str, study: Study, path: Path, h: float | None = None) -> list[int]:
+    """Run a study and return the cases of each batch of several that a scheme computes, at a step if one is given."""
+    scheme = import_module(f"workflow.schemes.{method}")
+    compute, batches = scheme.compute, list[int]()
 
-    def counting(operator: object, cases: schemes.Cases, over: schemes.Sampling) -> schemes.Results:
-        if operator.h == 2e-5:  # type: ignore[attr-defined]
-            counted.append(cases.count)
+    def counting(operator: Any, cases: schemes.Cases, over: schemes.Sampling) -> schemes.Results:
+        if h is None or operator.h == h:
+            batches.append(cases.count)
         return compute(operator, cases, over)
 
-    with monkeypatch.context() as patch:
-        patch.setattr(moreau, "compute", counting)
-        run_study(parsed(text), path, threads=2)
-    return counted
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(scheme, "compute", counting)
+        run_study(study, path, threads=1)
+    return batches
 
 
 CHEAP = REFERRED.replace("h: 1e-5, mechanical", "h: 2e-5, e: 0, mechanical")
 
 
-def test_each_distinct_reference_is_computed_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """One per alpha, and with the gap opened and closed by 1e-12."""
-    assert counted_references(CHEAP, monkeypatch, tmp_path / "a.nc") == [3, 3, 3]
-
-
-def test_a_case_more_computes_its_own_reference_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    counted_references(CHEAP, monkeypatch, tmp_path / "a.nc")
+def test_each_distinct_reference_is_computed_once(tmp_path: Path) -> None:
+    """One per alpha, and with the gap opened and closed by 1e-12; of one alpha more its own alone."""
     more = CHEAP.replace("alpha: [0, 5, 20]", "alpha: [0, 5, 20, 30]")
-    assert counted_references(more, monkeypatch, tmp_path / "a.nc") == [1, 1, 1]
+    assert counted("moreau", parsed(CHEAP), tmp_path / "a.nc", 2e-5) == [3, 3, 3]
+    assert counted("moreau", parsed(more), tmp_path / "a.nc", 2e-5) == [1, 1, 1]
 
 
 @pytest.mark.parametrize("scheme", ["event_driven", "moreau, h: 1e-6"])
@@ -175,24 +172,11 @@ def test_an_error_against_nothing_is_missing_with_a_message() -> None:
     assert results.messages == {0: "reference: its impulse is identically zero, that of the case is not"}
 
 
-PRESSED = """
-study: a
-scene:
-  chain: {nodes: 1, mass: 1, stiffness: 1, damping: {mass: 0.5}, heat_capacity: 1}
-  casing: {gap: 0}
-  load: {mean: 2}
-  initial: {velocity: -1}
-  duration: 1000
-schemes: {exact: {method: event_driven, events: 2000}}
-axes: {scheme: [moreau, exact], h: 0.1, e: [0, 0.99999, 1]}
-reference: {scheme: exact}
-output: {interval: 0.1 s, histories: [], balances: false}
-"""
-
-
 def test_cases_that_lack_a_failed_reference_have_a_message() -> None:
     """With e = 0.99999 and 1 a pressed, damped tip exceeds the budget; the case itself keeps status and results."""
-    first, second = solve_all(PRESSED)
+    axes = "axes: {scheme: [moreau, exact], h: 0.1, e: [0, 0.99999, 1]}\n"
+    output = "output: {interval: 0.1 s, histories: [], balances: false}\n"
+    first, second = solve_all(f"study: a{PRESSED}{axes}{output}")
     assert first.values["status"].tolist() == [0, 0, 0]
     assert np.isfinite(first.values["contact_impulse"]).all()
     assert np.isnan(first.values["impulse_error"]).tolist() == [False, True, True]
@@ -234,20 +218,12 @@ def test_errors_split_into_those_of_scheme_and_model() -> None:
     assert np.all(exact[1]["displacement_model_error"] > 0)
 
 
-def test_each_distinct_exact_solution_is_computed_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_each_distinct_exact_solution_is_computed_once(tmp_path: Path) -> None:
     """3 alpha and 2 e, for each of two reduced models; the reference is of another scheme."""
-    exact = import_module("workflow.schemes.event_driven")
-    compute, counted = exact.compute, []
-
-    def counting(operator: object, cases: schemes.Cases, over: schemes.Sampling) -> schemes.Results:
-        counted.append(cases.count)
-        return compute(operator, cases, over)
-
-    monkeypatch.setattr(exact, "compute", counting)
     grid = arrange(parsed(REFERRED))
     assert solution_counts(grid) == (6, 12)
-    run_study(grid.study, tmp_path / "a.nc", threads=1)
-    assert [count for count in counted if count > 1] == [6, 6]
+    batches = counted("event_driven", grid.study, tmp_path / "a.nc")
+    assert [count for count in batches if count > 1] == [6, 6]
 
 
 NODES = 310

@@ -8,6 +8,7 @@ import pytest
 import xarray as xr
 
 from quick import hashes_of, quick
+from studies import refusal
 from workflow import run_study
 from workflow.archive import open_archive
 from workflow.plan import plan_study
@@ -131,14 +132,11 @@ def test_plan_names_them() -> None:
     ],
 )
 def test_a_mistake_is_told(sensors: Any, place: str, problem: str, remedy: str) -> None:
-    with pytest.raises(StudyError) as raised:
+    with pytest.raises(StudyError) as refused:
         watched(sensors=sensors)
-    text = str(raised.value)
-    assert place in text
-    assert problem in text
-    assert remedy in text
+    text = str(refused.value)
+    assert [part for part in (place, problem, remedy) if part not in text] == []
 
 
 def test_nodes_that_vary_leave_the_sensors_of_all() -> None:
-    with pytest.raises(StudyError, match="`4` is no node"):
-        watched({"scene.chain.nodes": [3, 6]})
+    assert "`4` is no node" in refusal(watched, {"scene.chain.nodes": [3, 6]})
