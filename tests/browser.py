@@ -71,6 +71,11 @@ def opened(driver: Any, page: Path) -> None:
     settle(driver)
 
 
+def text_of(driver: Any, identity: str) -> str:
+    """Return what an element of the page says."""
+    return str(driver.execute_script("return document.getElementById(arguments[0]).textContent", identity))
+
+
 def settle(driver: Any) -> None:
     """Wait until what was asked for is painted."""
     driver.execute_async_script("const done = arguments[0]; setTimeout(() => requestAnimationFrame(() => done()), 200)")

@@ -61,6 +61,12 @@ def until(holds: Callable[[], bool]) -> None:
         time.sleep(0.02)
 
 
+def children(process: int) -> list[int]:
+    """Return the processes that a process has started."""
+    lists = [task.read_text() for task in Path(f"/proc/{process}/task").glob("*/children")]
+    return [int(child) for text in lists for child in text.split()]
+
+
 def alive(process: int) -> bool:
     """Tell whether a process runs; one that is dead and not yet waited for does not."""
     try:

@@ -15,7 +15,7 @@ import pytest
 
 from quick import quick
 from studies import written
-from terminal import started, told, typed, until
+from terminal import children, started, told, typed, until
 from workflow.archive import ArchiveError, content_hash, parts_of
 from workflow.archive._files import commit
 from workflow.cases import arrange
@@ -57,27 +57,18 @@ def test_a_forked_process_runs_studies_too(tmp_path: Path) -> None:
     assert content_hash(tmp_path / "child.nc") == content_hash(tmp_path / "parent.nc")
 
 
-def children(process: int) -> list[int]:
+def workers(process: int) -> list[int]:
     """Return the processes that a process has started and that are to become workers."""
-    every = [int(path.name) for path in Path("/proc").iterdir() if path.name.isdecimal()]
-    found = []
-    for one in every:
-        try:
-            parent = int(Path(f"/proc/{one}/stat").read_text().rsplit(")", 1)[1].split()[1])
-            if parent == process and b"spawn_main" in Path(f"/proc/{one}/cmdline").read_bytes():
-                found.append(one)
-        except (OSError, IndexError):
-            continue
-    return found
+    return [one for one in children(process) if b"spawn_main" in Path(f"/proc/{one}/cmdline").read_bytes()]
 
 
 @pytest.mark.skipif(version("distributed") < "2025", reason="its nannies start such a worker again, for ever")
 def test_a_worker_that_dies_as_it_starts_is_told(tmp_path: Path) -> None:
     study = written(STUDY.text, tmp_path)
     with started("-m", "workflow", "run", study, "-o", tmp_path / "a.nc", "--workers", "1") as process:
-        until(lambda: bool(children(process.pid)))
+        until(lambda: bool(workers(process.pid)))
         time.sleep(0.2)
-        os.kill(children(process.pid)[0], signal.SIGKILL)
+        os.kill(workers(process.pid)[0], signal.SIGKILL)
         _, said = process.communicate(timeout=60)
     assert process.returncode == 2, said
     assert "worker processes could not be started: " in said

@@ -30,15 +30,16 @@ def test_revolutions_per_minute_are_no_hertz() -> None:
 def test_alpha_stands_beside_the_friction_of_which_it_is_made_and_its_critical_value() -> None:
     from workflow.cli._studies import _lines
 
-    friction = "  friction: {coefficient: 0.2, sliding_speed: 150, heat_share: 0.5}\n  duration"
-    made = plan_study(
-        parsed(STUDY.replace("  duration", friction).replace("e: [0, 0.5]", "scene.friction.coefficient: [0.1, 0.2]"))
+    text = STUDY.replace(
+        "  duration", "  friction: {coefficient: 0.2, sliding_speed: 150, heat_share: 0.5}\n  duration"
     )
+    assert alpha(text) == "15 W/N study"
+    made = plan_study(parsed(text.replace("e: [0, 0.5]", "scene.friction.coefficient: [0.1, 0.2]")))
     shown = [line.strip() for line in _lines(made)]
     (at,) = (k for k, line in enumerate(shown) if line.startswith("alpha "))
     assert shown[at].endswith("7.5, 15 W/N   (varied)   = coefficient × sliding_speed × heat_share")
     assert shown[at - 1].startswith("scene.")
-    low, high = (alpha / made.structures[0].critical_alpha for alpha in (7.5, 15))
+    low, high = (made_of / made.structures[0].critical_alpha for made_of in (7.5, 15))
     assert any(line.endswith(f"; alpha is {low:.3g} to {high:.3g} times that") for line in shown)
     assert not any("times that" in line or "× sliding" in line for line in _lines(plan_study(parsed(STUDY))))
 
@@ -69,18 +70,6 @@ def test_a_wide_gap_where_nothing_bounds_the_motion() -> None:
     assert "machine" not in warnings(STUDY.replace("20 um", "20"))  # the tip cannot reach it, which is said
 
 
-FRICTION = "friction: {coefficient: 0.15, sliding_speed: 300 m/s, heat_share: 0.5}"
-
-
-def test_plan_has_the_alpha_that_friction_makes() -> None:
-    text = STUDY.replace("  duration", f"  {FRICTION}\n  duration")
-    assert alpha(text) == "22.5 W/N study"
-    varied = text.replace(
-        "e: [0, 0.5]", "scene.friction.coefficient: [0.1, 0.2], scene.friction.sliding_speed: [100, 200]"
-    )
-    assert alpha(varied) == "5, 10, 20 W/N axis"
-
-
 def test_a_coefficient_beside_an_alpha_of_its_own() -> None:
     text = STUDY.replace("  duration", "  friction: {coefficient: 0.15}\n  duration")
     assert alpha(text) == "0 W/N default"
@@ -94,7 +83,6 @@ def test_a_coefficient_beside_an_alpha_of_its_own() -> None:
     [
         ("{coefficient: 0.15, heat_share: 0.5}", "e: 0", "scene.friction: has no `sliding_speed`"),
         ("{coefficient: 0.15}", "scene.friction.sliding_speed: [1, 2]", "scene.friction: has no `heat_share`"),
-        (FRICTION.removeprefix("friction: "), "alpha: 3", "axes.alpha: stands beside `scene.friction`"),
     ],
 )
 def test_half_a_friction_makes_no_alpha(friction: str, axes: str, problem: str) -> None:

@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from browser import DEEP, MODEL, cell, click, errors, opened, settle, window
+from browser import DEEP, MODEL, cell, click, errors, opened, settle, text_of, window
 from studies import SCENE, SINGLE, parsed, steady_study
 from workflow.analysis import labels
 from workflow.archive import open_archive
 from workflow.report import write_report
 from workflow.run import run_study
+from workflow.study import Study
 
 STUDY = (
     "study: page\ntitle: Two schemes, three couplings and a step that diverges\n"
@@ -41,6 +42,14 @@ def page(archive: Path) -> Path:
 @pytest.fixture
 def wide() -> Any:
     return window(1366)
+
+
+def run_and_open(driver: Any, study: Study, place: Path) -> xr.Dataset:
+    """Run a study, open the page of its archive and return what that holds."""
+    dataset = run_study(study, place / "a.nc").dataset
+    opened(driver, write_report(place / "a.nc").page)
+    assert errors(driver) == []
+    return dataset
 
 
 def selected(driver: Any) -> dict[str, str]:
@@ -113,9 +122,7 @@ def test_a_slider_changes_the_curve(wide: Any, page: Path, archive: Path) -> Non
         assert {name for name in after if after[name] != before[name]} == {"alpha"}
         assert np.ptp(drawn(wide, "chosen", "temperature") - curve) > 0
         assert_shows(wide, dataset)
-        assert f"alpha={float(after['alpha']):g}" in wide.execute_script(
-            "return document.getElementById('case-command').textContent"
-        )
+        assert f"alpha={float(after['alpha']):g}" in text_of(wide, "case-command")
     assert errors(wide) == []
 
 
@@ -140,7 +147,7 @@ def test_a_button_shows_a_hard_case_and_menus_change_the_map(wide: Any, page: Pa
     settle(wide)
     with open_archive(archive) as dataset:
         assert int(case(dataset, selected(wide))["status"]) == 1
-    assert "diverged" in wide.execute_script("return document.getElementById('case-status').textContent")
+    assert "diverged" in text_of(wide, "case-status")
     script = MODEL + "model('metric').value = 'status'; model('across').value = 'alpha'; model('up').value = 'e'"
     wide.execute_script(script)
     settle(wide)
@@ -153,18 +160,13 @@ def test_the_line_under_the_map_is_of_the_case_that_is_selected(wide: Any, page:
     """By a button as by a slider, and from the beginning."""
     opened(wide, page)
 
-    def said() -> tuple[str, str]:
-        script = "return ['map-here', 'case-labels'].map((id) => document.getElementById(id).textContent)"
-        here, selected_case = wide.execute_script(script)
-        return here, selected_case
-
-    first = said()
-    assert first[0].startswith(f"{first[1]}: ")
+    first = text_of(wide, "case-labels")
+    assert text_of(wide, "map-here").startswith(f"{first}: ")
     wide.execute_script("[...document.querySelectorAll('button[data-case]')].at(-1).click()")
     settle(wide)
-    shown = said()
+    shown = text_of(wide, "case-labels")
     assert shown != first
-    assert shown[0].startswith(f"{shown[1]}: ")
+    assert text_of(wide, "map-here").startswith(f"{shown}: ")
 
 
 def test_a_page_is_readable_at_400_pixels(page: Path) -> None:
@@ -194,13 +196,11 @@ def test_maps_of_a_scene_stand_below_each_other_at_400_pixels(tmp_path: Path) ->
 
 
 def test_one_case_has_a_page(wide: Any, tmp_path: Path) -> None:
-    run_study(parsed(SINGLE), tmp_path / "single.nc")
-    opened(wide, write_report(tmp_path / "single.nc").page)
-    assert errors(wide) == []
+    run_and_open(wide, parsed(SINGLE), tmp_path)
     assert drawn(wide, "chosen", "displacement").size == 61
     assert "no reference" in wide.execute_script("return document.querySelector('.answer').textContent")
     assert wide.execute_script("return document.getElementById('figure-map')") is None
-    message = wide.execute_script("return document.getElementById('case-exact').textContent")
+    message = text_of(wide, "case-exact")
     assert "holds no exact case" in message
 
 
@@ -209,13 +209,11 @@ def test_drawn_numbers_are_points_of_the_map(wide: Any, tmp_path: Path) -> None:
     study = parsed(
         "study: drawn\n" + SCENE + "axes: {scheme: event_driven}\n" + drawn_zip + "output: {interval: 1 ms}\n"
     )
-    dataset = run_study(study, tmp_path / "drawn.nc").dataset
-    opened(wide, write_report(tmp_path / "drawn.nc").page)
+    dataset = run_and_open(wide, study, tmp_path)
     assert drawn(wide, "points", "x") == pytest.approx(1e6 * dataset["gap"].values)
     assert drawn(wide, "points", "y") == pytest.approx(dataset["alpha"].values)
     images = "return ['linear', 'log', 'states', 'statuses'].map((name) => model(`image_${name}`).visible)"
     assert wide.execute_script(MODEL + images) == [False] * 4  # nothing lies over the points
-    assert errors(wide) == []
 
 
 def test_ticks_of_a_tip_that_has_run_away_are_short(wide: Any, page: Path) -> None:
@@ -229,8 +227,7 @@ def test_load_periods_that_are_alike_are_a_level_line(wide: Any, tmp_path: Path)
     """Without heat every period is as the one before; ticks that differ by rounding would all read the same."""
     study = "study: alike\n" + SCENE + "axes: {scheme: event_driven, e: 0, alpha: [0, 50], h: 1e-5}\n"
     damped = parsed(study + "output: {interval: 1 ms}\n").with_({"scene.chain.damping.mass": 400.0})
-    run_study(damped, tmp_path / "alike.nc")
-    opened(wide, write_report(tmp_path / "alike.nc").page)
+    run_and_open(wide, damped, tmp_path)
     for alpha, alike in (("0", True), ("50", False)):
         wide.execute_script(MODEL + "model('slider_alpha').value = arguments[0]", alpha)
         settle(wide)
@@ -241,7 +238,7 @@ def test_load_periods_that_are_alike_are_a_level_line(wide: Any, tmp_path: Path)
         assert high > impulse.max()
         assert (np.ptp(impulse) < 1e-3 * impulse.max()) == alike
         assert high - low > 0.9e-3 * impulse.max()
-        text = wide.execute_script("return document.getElementById('periods-about').textContent")
+        text = text_of(wide, "periods-about")
         assert ("of the largest." in text) == alike
         script = (
             MODEL
@@ -260,26 +257,17 @@ def test_the_worn_depth_is_that_of_the_case_that_is_selected(wide: Any, tmp_path
     study = parsed("study: worn\n" + SCENE + axes + "output: {interval: 1 ms, balances: false}\n")
     coating = {"yield_force": 20, "hardening": 1e6, "sectors": 8}
     casing = {"gap": 5e-5, "flexibility": 1e-7, "coating": coating}
-    study = study.with_({"scene.casing": casing, "scene.speed": 50.0})
-    run_study(study, tmp_path / "worn.nc")
-    opened(wide, write_report(tmp_path / "worn.nc").page)
-    assert errors(wide) == []
-    with open_archive(tmp_path / "worn.nc") as dataset:
-        for k, alpha in enumerate(("0", "50")):
-            wide.execute_script(MODEL + "model('slider_alpha').value = arguments[0]", alpha)
-            settle(wide)
-            depth = 1e6 * dataset["worn_depth"][k].values
-            assert drawn(wide, "worn_depths", "depth")[::2] == pytest.approx(depth, abs=0.01 * depth.max())
-            text = wide.execute_script("return document.getElementById('worn-about').textContent")
-            assert text == f"At the end; largest {depth.max():.3g} µm, mean {depth.mean():.3g} µm."
+    dataset = run_and_open(wide, study.with_({"scene.casing": casing, "scene.speed": 50.0}), tmp_path)
+    for k, alpha in enumerate(("0", "50")):
+        wide.execute_script(MODEL + "model('slider_alpha').value = arguments[0]", alpha)
+        settle(wide)
+        depth = 1e6 * dataset["worn_depth"][k].values
+        assert drawn(wide, "worn_depths", "depth")[::2] == pytest.approx(depth, abs=0.01 * depth.max())
+        about = f"At the end; largest {depth.max():.3g} µm, mean {depth.mean():.3g} µm."
+        assert text_of(wide, "worn-about") == about
 
 
 MODES = {"mechanical_modes": 1, "thermal_modes": 3}
-
-
-@pytest.fixture
-def driver() -> Any:
-    return window(1366)
 
 
 def shown(driver: Any) -> dict[str, np.ndarray]:
@@ -297,37 +285,32 @@ def assert_is_orbit(orbit: dict[str, np.ndarray], kept: Any) -> None:
     assert (orbit["phase"][0], orbit["phase"][-1]) == (0, 1)
 
 
-def test_a_click_on_the_map_shows_the_steady_rub_of_the_case(driver: Any, tmp_path: Path) -> None:
+def test_a_click_on_the_map_shows_the_steady_rub_of_the_case(wide: Any, tmp_path: Path) -> None:
     axes = {**MODES, "alpha": [0, 2, 30], "scene.casing.gap": [20e-6, 22e-6]}
-    dataset = run_study(steady_study(axes), tmp_path / "rubs.nc").dataset
-    opened(driver, write_report(tmp_path / "rubs.nc").page)
+    dataset = run_and_open(wide, steady_study(axes), tmp_path)
     for column, row in ((1, 0), (0, 1)):  # α across, gap up
-        click(driver, "map", cell(column, row, 3, 2))
-        assert_is_orbit(shown(driver), dataset.isel(alpha=column, gap=row))
-        about = driver.execute_script("return document.getElementById('orbit-about').textContent")
-        assert about == "settles. Phase plane, then one period."
-    click(driver, "map", cell(2, 1, 3, 2))
-    assert shown(driver)["x"].size == 0
-    about = driver.execute_script("return document.getElementById('orbit-about').textContent")
-    assert about == "runs away. The page holds no steady rub of this case."
-    assert errors(driver) == []
+        click(wide, "map", cell(column, row, 3, 2))
+        assert_is_orbit(shown(wide), dataset.isel(alpha=column, gap=row))
+        assert text_of(wide, "orbit-about") == "settles. Phase plane, then one period."
+    click(wide, "map", cell(2, 1, 3, 2))
+    assert shown(wide)["x"].size == 0
+    assert text_of(wide, "orbit-about") == "runs away. The page holds no steady rub of this case."
+    assert errors(wide) == []
 
 
-def test_a_click_on_a_point_of_a_branch_shows_its_orbit(driver: Any, tmp_path: Path) -> None:
+def test_a_click_on_a_point_of_a_branch_shows_its_orbit(wide: Any, tmp_path: Path) -> None:
     axes = {**MODES, "scene.casing.gap": [20e-6, 22e-6], "alpha": {"branch": [0, 12, 12]}}
-    run_study(steady_study(axes), tmp_path / "branches.nc")
-    opened(driver, write_report(tmp_path / "branches.nc").page)
-    with open_archive(tmp_path / "branches.nc") as dataset:
-        folds = labels(dataset["bifurcation"]).values == "fold"
-        number = int(np.flatnonzero(folds[np.isfinite(dataset["alpha"].values)])[0])
-        branch, point = np.argwhere(folds)[0]
-        place = f"(({{x, y}}) => [box.x_scale.compute(x[{number}]), box.y_scale.compute(y[{number}])])"
-        click(driver, "branches", f"{place}(model('branch_points').data)")
-        one = dataset.isel(gap=branch, point=point)
-        here = driver.execute_script(MODEL + "const {x, y} = model('branch_here').data; return [x[0], y[0]]")
-        assert here == pytest.approx([float(one["alpha"]), float(one["steady_max_temperature"])])
-        assert_is_orbit(shown(driver), one)
-        about = driver.execute_script("return document.getElementById('orbit-about').textContent")
-        assert about.startswith(f"gap {1e6 * float(one['gap']):g} µm: ")
-        assert "fold. Phase plane" in about
-    assert errors(driver) == []
+    dataset = run_and_open(wide, steady_study(axes), tmp_path)
+    folds = labels(dataset["bifurcation"]).values == "fold"
+    number = int(np.flatnonzero(folds[np.isfinite(dataset["alpha"].values)])[0])
+    branch, point = np.argwhere(folds)[0]
+    place = f"(({{x, y}}) => [box.x_scale.compute(x[{number}]), box.y_scale.compute(y[{number}])])"
+    click(wide, "branches", f"{place}(model('branch_points').data)")
+    one = dataset.isel(gap=branch, point=point)
+    here = wide.execute_script(MODEL + "const {x, y} = model('branch_here').data; return [x[0], y[0]]")
+    assert here == pytest.approx([float(one["alpha"]), float(one["steady_max_temperature"])])
+    assert_is_orbit(shown(wide), one)
+    about = text_of(wide, "orbit-about")
+    assert about.startswith(f"gap {1e6 * float(one['gap']):g} µm: ")
+    assert "fold. Phase plane" in about
+    assert errors(wide) == []

@@ -15,7 +15,7 @@ import pytest
 from numba import typeof
 
 from quick import quick
-from terminal import alive, until
+from terminal import alive, children, until
 from workflow import schemes
 from workflow.cases import arrange
 from workflow.schemes._fixed import march
@@ -52,11 +52,6 @@ def executable(path: Path, script: str) -> str:
     path.write_text(f"#!/bin/sh\n{script}\n")
     path.chmod(path.stat().st_mode | stat.S_IXUSR)
     return str(path)
-
-
-def children(process: int) -> list[int]:
-    lists = [task.read_text() for task in Path(f"/proc/{process}/task").glob("*/children")]
-    return [int(child) for text in lists for child in text.split()]
 
 
 @pytest.mark.parametrize("script", ["exit 1", "kill -9 $$", "exec < /dev/null", None])
