@@ -4,6 +4,7 @@ import json
 import time
 from dataclasses import replace
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from threadpoolctl import threadpool_limits
 
-from studies import HEAVY_SCENE, ILL, SCENE, SINGLE, SMALL, parsed
+from matrix_files import as_npz, matrices_of
+from scenes import blade
+from studies import HEAVY_SCENE, ILL, SCENE, SINGLE, SMALL, parsed, written
+from terminal import told
 from workflow import schemes
 from workflow.cases import arrange, reads
 from workflow.cli._studies import _lines as plan_lines
@@ -316,3 +320,20 @@ def test_a_plan_says_an_order_of_time() -> None:
     short, long = heavy(8, h="1e-4"), heavy(2048, h="1e-11")
     assert [plan_study(parsed(text)).time for text in (short, long)] == ["seconds", "days"]
     assert plan_study(parsed(f"{short}reference: {{scheme: moreau, h: 1e-11}}\n")).time != "seconds"
+
+
+def test_a_plan_says_what_factors_take_and_warns_before_large_ones(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("workflow.models._factors.MOST_BY_SUPERLU", 100)
+    monkeypatch.setattr("workflow.plan._plan.MOST_BY_SUPERLU", 100)
+    monkeypatch.setattr("workflow.models._factors._MANY_BYTES", 1e3)
+    as_npz(matrices_of(blade(310)), tmp_path)
+    text = "study: s\nscene:\n  matrices: {file: blade.npz, contact: 309}\n  casing: {gap: 1e-5}\n  duration: 1e-3\n"
+    written(text + "axes: {mechanical_modes: 2, thermal_modes: 2}\n", tmp_path)
+    status, output = told("plan", "study.yaml")
+    assert status == 0, output
+    for kind in ("displacements", "temperatures"):
+        assert f"310 {kind}: " in output
+        assert f"beware: each factorisation of a compact body of 310 {kind}" in " ".join(output.split())

@@ -1,6 +1,7 @@
 """Files that a study names are replaced while it runs: what was hashed is what is assembled."""
 
 import os
+import re
 import shutil
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -10,11 +11,12 @@ import pytest
 
 from matrix_files import MECHANICAL, WRITERS, matrices_of
 from scenes import heavy_chain
-from studies import written
+from studies import refusal, written
+from terminal import told
 from workflow import models
 from workflow.archive import content_hash, provenance
 from workflow.run import run_study, verify
-from workflow.study import Study, StudyError, files, read_study
+from workflow.study import Study, files, read_study
 
 STUDY = """study: replaced
 scene:
@@ -104,6 +106,17 @@ def test_references_and_auto_need_no_file_any_more(change: Callable[..., None], 
     assert run_study(study, tmp_path / "a.nc", threads=1).ok
 
 
+def test_an_archive_repeats_its_study_without_the_files(tmp_path: Path) -> None:
+    first, second = tmp_path / "a.nc", tmp_path / "b.nc"
+    run_study(read(tmp_path, KINDS["as_directory"]), first, threads=1)
+    gone(tmp_path, KINDS["as_directory"])
+    assert "is no file" in refusal(read_study, tmp_path / "study.yaml")
+    for words in (("run", first, "-o", second), ("verify", first), ("plan", first, "-s", "axes.e=[0]")):
+        status, said = told(*words)
+        assert status == 0, said
+    assert content_hash(first) == content_hash(second)
+
+
 def test_files_lie_nowhere_when_they_are_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     room = tmp_path / "room"
     room.mkdir()
@@ -120,5 +133,5 @@ def test_files_lie_nowhere_when_they_are_read(tmp_path: Path, monkeypatch: pytes
 
 def test_a_file_too_large_to_hold_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(files, "MOST_BYTES", 100)
-    with pytest.raises(StudyError, match=r"blade\.npz has \d{3,} bytes, and at most 100 are read"):
-        read(tmp_path, KINDS["as_npz"])
+    said = refusal(read, tmp_path, KINDS["as_npz"])
+    assert re.search(r"blade\.npz has \d{3,} bytes, and at most 100 are read", said)

@@ -2,86 +2,59 @@
 
 from pathlib import Path
 
-import numpy as np
 import pytest
+import xarray as xr
 
 from studies import SCENE, parsed
-from workflow.archive import open_archive
-from workflow.cases import Grid, arrange
+from workflow.cases import arrange
 from workflow.plan import plan_study
 from workflow.run import run_study
 from workflow.schemes import Status
-from workflow.solve import Solved, solve
 from workflow.solve._solve import kernel_variants
-from workflow.study import Study, read_study
 
-CROSSED = """
+CROSSED = f"""study: a
+{SCENE}
 schemes:
-  euler: {method: moreau}
-  midpoint: {method: moreau, theta: 0.5}
+  midpoint: {{method: moreau, theta: 0.5}}
 axes:
-  scheme: [euler, midpoint, penalty, carpenter, event_driven]
+  scheme: [moreau, midpoint, penalty, carpenter, event_driven]
   reduction: [craig_bampton, macneal, massless]
   h: [1e-5]
   alpha: [5]
-zip: {model: {mechanical_modes: [1, full], thermal_modes: [1, full]}}
-reference: {scheme: event_driven, mechanical_modes: full, thermal_modes: full}
-output: {interval: 1 ms}
+zip: {{model: {{mechanical_modes: [1, 2, full], thermal_modes: [1, 2, full]}}}}
+reference: {{scheme: event_driven, mechanical_modes: full, thermal_modes: full}}
+output: {{interval: 1 ms}}
 """
-ABLE = {"euler", "midpoint", "spring", "event_driven"}
+CENTRAL = ("penalty", "carpenter")
+"""Schemes of central differences, which take no contact without mass."""
 
 
-@pytest.fixture(scope="module")
-def study() -> Study:
-    return parsed(f"study: a\n{SCENE}{CROSSED}")
-
-
-def at(grid: Grid, **settings: object) -> Solved:
-    for outer in range(grid.outer_count):
-        cell = grid.settings(outer)
-        if (cell.scheme.label, cell.reduction, cell.mechanical_modes) == tuple(settings.values()):
-            return solve(grid, outer, np.arange(1))
-    raise KeyError(settings)
-
-
-@pytest.mark.parametrize("scheme", ["euler", "penalty", "carpenter", "event_driven"])
-def test_a_scheme_that_cannot_fails_its_own_cases(study: Study, scheme: str) -> None:
-    results = at(arrange(study), scheme=scheme, reduction="massless", mechanical_modes=1)
-    if scheme in ABLE:
-        assert results.values["status"].tolist() == [Status.OK]
-        assert results.messages == {}
-        for name in ("displacement", "temperature", "impulse"):
-            whole, by_scheme, by_model = (
-                results.values[f"{name}{part}_error"][0] for part in ("", "_scheme", "_model")
-            )
+@pytest.mark.parametrize("run", range(2))
+def test_a_scheme_that_cannot_fails_its_own_cases(run: int, tmp_path: Path) -> None:
+    """On two threads, as often as it is tried; the others have their errors, of the scheme and of the basis."""
+    archive = run_study(parsed(CROSSED), tmp_path / "a.nc", threads=2).dataset.isel(h=0, alpha=0)
+    archive = archive.transpose("reduction", "scheme", "model", ...)
+    light = archive["reduction"].isin(["macneal", "massless"]) & (archive["mechanical_modes"] < 3)
+    refused = light & archive["scheme"].isin(CENTRAL)
+    assert (archive["status"] == xr.where(refused, Status.FAILED, Status.OK)).all()
+    messages = archive["message"].where(refused, drop=True).values.ravel()
+    assert all("mass" in text for text in messages if isinstance(text, str))
+    reduced = archive.sel(reduction="massless").isel(model=0)
+    for name in ("displacement", "temperature", "impulse"):
+        for scheme in ("moreau", "midpoint", "event_driven"):
+            one = reduced.sel(scheme=scheme)
+            whole, by_scheme, by_model = (float(one[f"{name}{part}_error"]) for part in ("", "_scheme", "_model"))
             assert by_model > 0
             assert (by_scheme > 0) == (scheme != "event_driven")
             assert whole <= (by_scheme + by_model) * (1 + 1e-12)
-    else:
-        assert results.values["status"].tolist() == [Status.FAILED]
-        assert "mass" in results.messages[0]
 
 
-def test_the_plan_says_so_beforehand(study: Study) -> None:
-    warnings = plan_study(study).warnings
-    assert sum("fails with m" in text for text in warnings) == 4
-    assert not any(text.startswith(scheme) and "fails" in text for text in warnings for scheme in ABLE)
-
-
-AUDIT = Path(__file__).parent / "audit"
+def test_the_plan_says_so_beforehand() -> None:
+    failing = [text for text in plan_study(parsed(CROSSED)).warnings if "fails with m" in text]
+    assert sorted(text.split()[0] for text in failing) == sorted(2 * CENTRAL)
 
 
 def test_a_refused_basis_is_not_compiled() -> None:
     """The first case of each scheme has a contact without mass, which two of them take."""
-    grid = arrange(read_study(AUDIT / "refused_bases.yaml"))
-    assert {one.method for one in kernel_variants(grid)} == {"moreau", "event_driven"}
-
-
-@pytest.mark.parametrize("run", range(2))
-def test_refused_bases_fail_alone_on_two_threads(run: int, tmp_path: Path) -> None:
-    run_study(read_study(AUDIT / "refused_bases.yaml"), tmp_path / "a.nc", threads=2)
-    with open_archive(tmp_path / "a.nc") as archive:
-        failed = archive.status.transpose("scheme", "reduction", "model").values != 0
-    refused = np.zeros((4, 3), dtype=bool)
-    refused[[1, 3], :2] = True  # macneal and massless, of central differences
-    assert (failed == refused[:, :, None]).all()
+    study = parsed(CROSSED.replace("craig_bampton, macneal, massless", "macneal, massless"))
+    assert {one.method for one in kernel_variants(arrange(study))} == {"moreau", "event_driven"}
