@@ -199,6 +199,11 @@ def test_kept_archives_are_of_today_s_studies(name: str) -> None:
     assert provenance(kept)["study"] == (ROOT / "studies" / f"{name}.yaml").read_text(encoding="utf-8")
 
 
-def test_nothing_is_kept_without_its_study() -> None:
-    data = ROOT / "data"
-    assert {str(p.relative_to(data).with_suffix("")) for p in data.rglob("*.nc")} == set(NAMES)
+SLOW = ("scaling", "hard/bouncing_bar")
+
+
+@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * (n in SLOW)) for n in sorted(LONG)])
+def test_kept_archives_that_take_long_to_repeat_are_verified(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    kept = ROOT / "data" / f"{name}.nc"
+    judged_within_rounding(kept, monkeypatch)
+    assert [check for check in verify(kept, 2) if not (check.holds and check.judged)] == []

@@ -1,13 +1,16 @@
-"""Figures for papers, drawn with plain arguments as the reference shows; quantities of single scenes."""
+"""Figures for papers, drawn with plain arguments as the reference shows, and figures over the speed."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import xarray as xr
 
 from scripts import script
-from workflow import open_archive, plots
+from workflow import open_archive, plots, run_study, write_matrices
+from workflow.analysis import labels_of
+from workflow.plots._units import axis_of
 
 DATA = Path(__file__).parents[2] / "data"
 
@@ -68,3 +71,98 @@ def test_energy_that_an_impact_leaves() -> None:
         coords={"t": [0.0, 1.0, 2.0, 3.0]},
     )
     assert script("scene_pictures").energy_kept(case, energy=9.0) == pytest.approx(0.25 + 0.01)
+
+
+ROD: dict[str, Any] = {
+    "study": "rod",
+    "scene": {
+        "chain": {"nodes": 1, "mass": 1e-3, "stiffness": 4e6, "spacing": 0.01, "heat_capacity": 1.0,
+                  "spin": {"radius": 0.2}},
+        "casing": {"gap": "3 um", "harmonics": [{"order": 3, "amplitude": "1 um"}]},
+        "speed": 5000.0,
+        "duration": "1 ms",
+        "initial": "static",
+    },
+    "axes": {"scheme": "event_driven"},
+    "output": {"interval": "0.1 ms"},
+}  # fmt: skip
+
+
+def marks(figure: Any, label: str) -> np.ndarray:
+    return np.array(next(line.get_xydata() for line in figure.axes[0].lines if line.get_label() == label))
+
+
+def test_orders_cross_the_free_frequency_where_it_is_their_multiple() -> None:
+    """√(k/m - Ω²) = n Ω at Ω = √(k/m/(1 + n²))."""
+    for orders in (None, [3, 7]):
+        crossed = marks(plots.campbell(ROD, orders), "crossing")
+        expected = [np.sqrt(4e9 / (1 + n * n)) / (2 * np.pi) for n in orders or [3]]
+        np.testing.assert_allclose(crossed[:, 0], 60 * np.array(expected), rtol=1e-3)
+        np.testing.assert_allclose(crossed[:, 1], np.array(orders or [3]) * expected, rtol=1e-3)
+
+
+def test_clearance_is_that_of_the_archive(tmp_path: Path) -> None:
+    speeds = [1.0, 20.0, 30.0]
+    del_speed = {name: value for name, value in ROD["scene"].items() if name != "speed"}
+    study = ROD | {"scene": del_speed, "axes": {"scheme": "event_driven", "scene.speed": speeds}}
+    figure = plots.clearance(run_study(study, tmp_path / "rod.nc", threads=1).dataset)
+    square = (2 * np.pi * np.array(speeds)) ** 2
+    static = square * 1e-3 * 0.21 / (4e6 - square * 1e-3)
+    np.testing.assert_allclose(marks(figure, "tip at the start"), np.transpose([60 * np.array(speeds), 1e6 * static]))
+    assert (marks(figure, "tip at most")[:, 1] >= 1e6 * static - 1e-9).all()
+    assert (marks(figure, "clearance at rest, 3 µm")[:, 1] == 3.0).all()
+    figure.savefig(tmp_path / "drawn.png")
+    (legend,) = figure.legends
+    inside = legend.get_window_extent().transformed(figure.transFigure.inverted())
+    assert 0 <= inside.x0 < inside.x1 <= 1
+
+
+def test_what_has_no_speed_is_refused() -> None:
+    still = ROD | {"scene": {name: value for name, value in ROD["scene"].items() if name not in ("speed", "casing")}}
+    still["scene"]["casing"] = {"gap": 1.0}
+    with pytest.raises(ValueError, match="has no speed"):
+        plots.campbell(still)
+
+
+def test_marks_lie_on_modes_that_cross_whatever_speeds_the_study_has(tmp_path: Path) -> None:
+    """√(f² + k s²) = n s at s = f/√(n² - k); order 2 meets 60 Hz where that crosses 100 Hz."""
+    frequencies, slopes, masses = (
+        np.array([100.0, 60.0, 150.0]),
+        np.array([0.0, 2.56, -1.0]),
+        np.array([0.02, 0.03, 0.04]),
+    )
+    write_matrices(
+        tmp_path / "spin.npz",
+        mass=np.diag(masses),
+        stiffness=np.diag(masses * (2 * np.pi * frequencies) ** 2),
+        stiffness_speed2=np.diag(masses * slopes),
+        contact=np.ones(3),
+        load=np.ones(3),
+    )
+    scene = {"matrices": {"file": str(tmp_path / "spin.npz")}, "casing": {"gap": "1 mm"}, "duration": 0.01}
+    study = {"study": "spin", "scene": scene, "axes": {"scheme": "event_driven", "scene.speed": [0, 30, 55]}}
+    orders = np.array([2.0, 3.0, 6.0])
+    expected = (frequencies / np.sqrt(orders[:, None] ** 2 - slopes)).ravel()
+    marked = marks(plots.campbell(study, orders.tolist()), "crossing")
+    within = np.flatnonzero(expected <= 55.0)
+    order = np.lexsort((np.repeat(orders, 3)[within], expected[within]))
+    shown = marked[np.lexsort((marked[:, 1] / marked[:, 0], np.round(marked[:, 0], 3)))]
+    np.testing.assert_allclose(shown[:, 0], 60 * expected[within][order], rtol=1e-4)
+    np.testing.assert_allclose(shown[:, 1], (np.repeat(orders, 3) * expected)[within][order], rtol=1e-4)
+
+
+def test_as_many_free_frequencies_are_drawn_as_are_asked_for() -> None:
+    modes = ROD | {"scene": ROD["scene"] | {"chain": ROD["scene"]["chain"] | {"nodes": 5}, "speed": 1000.0}}
+    curves = [len(plots.campbell(modes, [3], count).axes[0].lines) for count in (2, 5)]
+    assert curves[1] - curves[0] == 3
+    for orders in ([0], [2, -1]):
+        with pytest.raises(ValueError, match="engine orders are above 0"):
+            plots.campbell(ROD, orders)
+
+
+def test_speeds_of_sliders_and_tables_are_those_of_figures() -> None:
+    about = {"units": "Hz", "study_path": "scene.speed"}
+    dataset = xr.Dataset({"status": ("speed", [0, 0])}, {"speed": ("speed", [25.0, 100.0], about)})
+    axis = axis_of(dataset, "speed")
+    assert (axis["unit"], axis["texts"], axis["selectors"]) == ("rpm", ["1500", "6000"], ["speed=25", "speed=100"])
+    assert labels_of(dataset, "speed", rounded=True) == ["speed 1500 rpm", "speed 6000 rpm"]

@@ -1,5 +1,6 @@
-"""Sensors and events in studies and archives."""
+"""What `output` asks for: sensors, events, means over a depth, and sections and extremes of load periods."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -7,14 +8,17 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from matrix_files import as_npz, matrices_of
 from quick import hashes_of, quick
-from studies import refusal
-from workflow import run_study
-from workflow.archive import open_archive
-from workflow.plan import plan_study
-from workflow.study import Study, StudyError
+from scenes import heavy_chain
+from studies import BLADE_SCENE, SCENE, parsed, refusal, solve_all, written
+from workflow import open_archive, plan_study, plots, run_study
+from workflow.archive import ArchiveError
+from workflow.cases import arrange, case_hashes
+from workflow.solve import _solve, solve
+from workflow.study import Study, StudyError, read_study
 
-SCENE = {
+FOUR_NODES = {
     "chain.nodes": 4,
     "chain.stiffness": 2e7,
     "chain.damping": {"mass": 100.0},
@@ -26,7 +30,7 @@ SENSORS: dict[str, Any] = {"tip": 4, "middle": 2, "root": {"temperature": 1}}
 
 def watched(axes: dict[str, Any] | None = None, **output: Any) -> Study:
     axes = {"scheme": ["event_driven", "moreau"], "alpha": 5.0, "e": [0.0, 0.5], "h": 1e-5, **(axes or {})}
-    return quick(axes, scene=SCENE, output={"interval": 5e-5, "sensors": SENSORS, **output})
+    return quick(axes, scene=FOUR_NODES, output={"interval": 5e-5, "sensors": SENSORS, **output})
 
 
 @pytest.fixture(scope="module")
@@ -140,3 +144,163 @@ def test_a_mistake_is_told(sensors: Any, place: str, problem: str, remedy: str) 
 
 def test_nodes_that_vary_leave_the_sensors_of_all() -> None:
     assert "`4` is no node" in refusal(watched, {"scene.chain.nodes": [3, 6]})
+
+
+AXES = """
+axes: {scheme: [moreau, event_driven], h: 2e-5, alpha: [0, 30]}
+zip: {model: {mechanical_modes: [1, full], thermal_modes: [2, full]}}
+"""
+DEEP = f"study: deep\n{SCENE}{AXES}output: {{interval: 2 ms, temperature_depth: 6 mm}}\n"
+
+TWO_MESHES = DEEP.split("zip")[0].replace("alpha: [0, 30]", "scene.chain.nodes: [4, 2]") + DEEP.splitlines()[-1]
+
+
+def test_an_archive_holds_the_mean_over_the_depth_in_every_basis(tmp_path: Path) -> None:
+    """The mean lies below the tip of a blade that is heated there, and schemes agree on it as on the tip."""
+    run_study(parsed(DEEP), tmp_path / "deep.nc")
+    with open_archive(tmp_path / "deep.nc") as archive:
+        assert (archive["status"] == 0).all()
+        assert archive["depth_temperature"].dims == archive["temperature"].dims
+        assert archive["max_depth_temperature"].dims == archive["max_temperature"].dims
+        assert archive["depth_temperature"].attrs["depth"] == archive["max_depth_temperature"].attrs["depth"] == 6e-3
+        hot = archive.sel(alpha=30)
+        assert (hot["depth_temperature"].max("t") <= hot["max_depth_temperature"] * (1 + 1e-12)).all()
+        assert (hot["max_depth_temperature"] < 0.9 * hot["max_temperature"]).all()
+        exact = hot.sel(scheme="event_driven")
+        for name in ("max_depth_temperature", "max_temperature"):
+            assert (np.abs(hot[name] / exact[name] - 1) < 0.1).all()
+        assert not archive.sel(alpha=0)["depth_temperature"].any()
+
+
+@pytest.mark.parametrize(("nodes", "mean"), [(20, 254.182), pytest.param(320, 261.019, marks=pytest.mark.slow)])
+def test_the_mean_over_two_millimetres_of_the_example_converges(nodes: int, mean: float) -> None:
+    scene = BLADE_SCENE.replace("nodes: 20", f"nodes: {nodes}")
+    axes, output = "axes: {scheme: event_driven, alpha: 30}", "output: {temperature_depth: 2 mm, histories: []}"
+    (solved,) = solve_all(f"study: a{scene}{axes}\n{output}\n")
+    assert solved.values["max_depth_temperature"][0] == pytest.approx(mean, abs=2e-3)
+
+
+def test_histories_alone_have_samples_of_it(tmp_path: Path) -> None:
+    text = DEEP.replace("temperature_depth", "histories: [], temperature_depth")
+    archive = run_study(parsed(text), tmp_path / "deep.nc").dataset
+    assert "depth_temperature" not in archive
+    assert archive["max_depth_temperature"].notnull().all()
+
+
+def test_results_depend_on_the_depth() -> None:
+    texts = [DEEP.replace("6 mm", depth) for depth in ("6 mm", "0.6 cm", "5 mm")]
+    same, again, *others = map(hashes_of, map(parsed, [*texts, DEEP.replace(", temperature_depth: 6 mm", "")]))
+    assert same == again
+    assert not any(set(same) & set(other) for other in others)
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        (DEEP.replace("6 mm", "11 mm"), "of 0.011 m is deeper than the 0.01 m of `chain`"),
+        (DEEP.replace("spacing: 2.5e-3,", ""), "of 0.006 m is deeper than the 0 m of `chain`"),
+        (TWO_MESHES, "deeper than the 0.005 m of `chain`"),
+        (DEEP.replace("6 mm", "-1 mm"), "it must be above 0 m"),
+    ],
+)
+def test_a_depth_that_a_structure_does_not_have_is_refused(text: str, problem: str) -> None:
+    mistake = refusal(parsed, text)
+    assert "output.temperature_depth" in mistake
+    assert problem in mistake
+
+
+def test_matrices_have_no_depth(tmp_path: Path) -> None:
+    as_npz(matrices_of(heavy_chain(nodes=4)), tmp_path)
+    text = f"study: a{BLADE_SCENE}output: {{temperature_depth: 1 mm}}\n"
+    before, after = text.split("  blade: {")[0], text.split("stiffness: 2.0e-7}}\n")[1]
+    path = written(f"{before}  matrices: {{file: blade.npz, contact: 3}}\n{after}", tmp_path)
+    assert "deeper than the 0 m of `matrices`" in refusal(read_study, path)
+
+
+FREQUENCIES = (50.0, 125.0, 333.3)
+METHODS = ("event_driven", "moreau", "carpenter", "penalty")
+
+
+def rub(interval: str = "0.1 ms") -> Study:
+    axes = f"scheme: [{', '.join(METHODS)}], e: 0.5, alpha: 5, h: 3e-7, scene.load.frequency: {list(FREQUENCIES)}"
+    output = f"interval: {interval}, sections: true, histories: [displacement, velocity, temperature]"
+    scene = SCENE.replace("frequency: 50 Hz", "frequency: 50")
+    return parsed(f"study: rub\n{scene}\naxes: {{{axes}}}\noutput: {{{output}}}\n")
+
+
+def test_plan_says_that_extremes_of_load_periods_are_taken_of_few_samples() -> None:
+    for interval, told in (("1 ms", True), ("0.1 ms", False)):
+        warnings = plan_study(rub(interval)).warnings
+        assert any("samples per load period" in warning for warning in warnings) == told, warnings
+
+
+@pytest.fixture(scope="module")
+def rubs(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
+    return run_study(rub(), tmp_path_factory.mktemp("sections") / "rub.nc", threads=1).dataset
+
+
+@pytest.mark.parametrize("frequency", [50.0, 125.0])
+def test_sections_are_the_histories_at_the_starts_of_periods(rubs: xr.Dataset, frequency: float) -> None:
+    of, count = rubs.sel(frequency=frequency), int(0.06 * frequency + 1e-9)
+    at = np.round(np.arange(count) / frequency / 1e-4).astype(int)
+    for name in ("displacement", "velocity", "temperature"):
+        sections, largest = of[f"section_{name}"], float(abs(of[name]).max())
+        assert sections.dims == ("scheme", "period")
+        assert sections[:, :count].values == pytest.approx(of[name][:, at].values, abs=1e-12 * largest)
+        assert np.isnan(sections[:, count:]).all()
+    for k in range(count):
+        x = of["displacement"][:, at[k] : round((k + 1) / frequency / 1e-4) + 1]
+        assert of["period_displacement"][:, k].values == pytest.approx(x.max("t").values, rel=1e-12)
+        assert of["period_displacement_min"][:, k].values == pytest.approx(x.min("t").values, rel=1e-12)
+
+
+def test_sections_lie_between_samples(rubs: xr.Dataset, tmp_path: Path) -> None:
+    """At 333.3 Hz no start of a period but the first is a sample; samples a hundred times as far apart change none."""
+    coarse = run_study(rub("10 ms"), tmp_path / "coarse.nc", threads=1).dataset.sel(frequency=333.3)
+    fine = rubs.sel(frequency=333.3)
+    for name in ("section_displacement", "section_velocity", "section_temperature"):
+        assert coarse[name].values == pytest.approx(fine[name].values, rel=1e-6, abs=1e-9)
+    between = fine["displacement"].interp(t=np.arange(19) / 333.3)
+    assert float(abs(between.values - fine["section_displacement"].values).max()) < 1e-6
+    assert float(abs(fine["section_displacement"]).max()) > 1e-5
+
+
+def test_impacts_of_periods_add_up(rubs: xr.Dataset) -> None:
+    """Three periods of 50 Hz are the duration; of the others some impacts come after the last complete period."""
+    sums = rubs["period_impacts"].sum("period")
+    assert sums.sel(frequency=50).values == pytest.approx(rubs["impacts"].sel(frequency=50).values)
+    assert np.all(sums <= rubs["impacts"])
+    assert np.all(sums > 0)
+
+
+def test_they_are_kept_where_they_are_asked_for(tmp_path: Path) -> None:
+    study, path = quick(), tmp_path / "a.nc"
+    assert "sections" not in study.resolved()["output"]
+    assert not any("section" in name for name in run_study(study, path, threads=1).dataset)
+    asked = study.with_({"output.sections": True})
+    assert np.array_equal(case_hashes(arrange(asked)), case_hashes(arrange(study)))
+    with pytest.raises(ArchiveError, match="without section_displacement"):
+        run_study(asked, path, threads=1)
+    run_study(asked, path, threads=1, recompute=True)
+    with pytest.raises(ArchiveError, match="section_displacement"):
+        run_study(study, path, threads=1)
+
+
+def test_a_scheme_that_gives_none_leaves_them_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    own = _solve.run_batch
+    monkeypatch.setattr(_solve, "run_batch", lambda *batch, **given: replace(own(*batch, **given), sections={}))
+    study = quick().with_({"output.sections": True})
+    values = solve(arrange(study), 0, np.arange(3)).values
+    assert np.isnan(values["section_velocity"]).all()
+    assert np.isnan(values["period_impacts"]).all()
+    assert np.isfinite(values["period_displacement"]).all()
+
+
+def test_a_bifurcation_diagram_shows_the_later_half(rubs: xr.Dataset) -> None:
+    figure = plots.bifurcation(rubs.sel(scheme="event_driven"), "frequency")
+    (line,) = figure.axes[0].get_lines()
+    x, y = np.asarray(line.get_xdata()), np.asarray(line.get_ydata())
+    shown = rubs["section_displacement"].sel(scheme="event_driven", frequency=125).values[3:7]
+    assert y[(x == 125) & np.isfinite(y)] == pytest.approx(shown * 1e6)
+    with pytest.raises(ValueError, match=r"`impacts` is not given per load period"):
+        plots.bifurcation(rubs, "frequency", "impacts")
