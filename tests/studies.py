@@ -11,7 +11,7 @@ import pytest
 from workflow.archive import provenance
 from workflow.cases import arrange
 from workflow.pinning import is_pinned
-from workflow.run import _verify
+from workflow.run import _verify, run_study
 from workflow.solve import Solved, solve
 from workflow.solve import _tasks as cutting
 from workflow.study import Study, StudyError, parse_study
@@ -132,6 +132,16 @@ def written(text: str, directory: Path, name: str = "study.yaml") -> Path:
     path = directory / name
     path.write_text(text, encoding="utf-8")
     return path
+
+
+def archived(study: Study) -> Any:
+    """Return a fixture: the archive of a study, which is run once for a module."""
+
+    @pytest.fixture(scope="module")
+    def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+        return run_study(study, tmp_path_factory.mktemp("archived") / f"{study.name}.nc").archive
+
+    return archive
 
 
 def cut_finely(patch: pytest.MonkeyPatch, cases: int | None = None) -> None:

@@ -18,7 +18,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from quick import begin, interrupted, quick
-from studies import cut_finely
+from studies import archived, cut_finely
 from workflow import archive
 from workflow.archive._checksums import has_sound_head, is_intact, is_sealed, seal
 from workflow.run import run_study
@@ -36,11 +36,7 @@ STUDY = quick({"alpha": [0.0, 1e9, 5.0]}, title="Rotor–stator rub")
 """Three of its nine cases are ill-posed."""
 
 
-@pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("whole") / "a.nc"
-    run_study(STUDY, path)
-    return path
+whole = archived(STUDY)
 
 
 @pytest.fixture

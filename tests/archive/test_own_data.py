@@ -13,7 +13,7 @@ import pytest
 
 from hostile import mutated
 from quick import quick
-from studies import SMALL, parsed, written
+from studies import SMALL, archived, parsed, written
 from terminal import told
 from workflow.archive import ArchiveError, open_archive, provenance
 from workflow.archive._checksums import seal
@@ -178,9 +178,7 @@ FAILING = quick({"alpha": [0.0, 5.0, 1e9]})
 """Three of its nine cases are not ok and have messages."""
 
 
-@pytest.fixture(scope="module")
-def with_messages(tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    return run_study(FAILING, tmp_path_factory.mktemp("damage") / "a.nc").archive.read_bytes()
+with_messages = archived(FAILING)
 
 
 def check_named(study: Path, path: Path) -> None:
@@ -203,7 +201,8 @@ def check_named(study: Path, path: Path) -> None:
 
 
 @pytest.mark.parametrize("number", [*range(4), *(pytest.param(k, marks=pytest.mark.slow) for k in range(4, 200))])
-def test_a_damaged_archive_is_named(with_messages: bytes, tmp_path: Path, number: int) -> None:
-    changed = (mutated(1000 * k + number, with_messages) for k in range(9))
-    (tmp_path / "a.nc").write_bytes(next(image for image in changed if image != with_messages))
+def test_a_damaged_archive_is_named(with_messages: Path, tmp_path: Path, number: int) -> None:
+    sound = with_messages.read_bytes()
+    changed = (mutated(1000 * k + number, sound) for k in range(9))
+    (tmp_path / "a.nc").write_bytes(next(image for image in changed if image != sound))
     check_named(written(FAILING.text, tmp_path), tmp_path / "a.nc")

@@ -9,16 +9,10 @@ from pathlib import Path
 import pytest
 
 from hostile import changed
-from studies import FALLING_BALL, SINGLE, parsed, written
+from studies import FALLING_BALL, SINGLE, archived, parsed, written
 from terminal import typed, workflow
-from workflow.run import run_study
 
-
-@pytest.fixture(scope="module")
-def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("sound") / "a.nc"
-    run_study(parsed(SINGLE), path)
-    return path
+sound = archived(parsed(SINGLE))
 
 
 def refused(*words: str | Path) -> str:

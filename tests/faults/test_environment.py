@@ -1,5 +1,6 @@
 """Faults of what a run is started in: compilers, forks, workers that die, little memory, modes of files."""
 
+import errno
 import os
 import signal
 import subprocess
@@ -99,7 +100,8 @@ def test_an_archive_that_nobody_may_write_is_refused(tmp_path: Path) -> None:
     assert told("run", written(quick({"e": [0.0, 0.5]}).text, tmp_path), "-o", archive)[0] == 0  # nothing to do
 
 
-def test_a_page_keeps_its_mode_and_its_link(tmp_path: Path) -> None:
+def test_a_page_keeps_its_mode_and_its_link(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """And its content, where it may not be written or the disk is full, which is said with its place."""
     page, link = tmp_path / "page.html", tmp_path / "link.html"
     page.write_text("before")
     page.chmod(0o640)
@@ -108,6 +110,14 @@ def test_a_page_keeps_its_mode_and_its_link(tmp_path: Path) -> None:
     assert (link.is_symlink(), page.read_text(), page.stat().st_mode & 0o777) == (True, "after", 0o640)
     page.chmod(0o444)
     with pytest.raises(ArchiveError, match=r"page\.html: read-only"):
+        commit(link, b"again")
+    page.chmod(0o640)
+
+    def full(descriptor: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(OSError, match=r"page\.html"):
         commit(link, b"again")
     assert page.read_text() == "after"
     assert len(list(tmp_path.iterdir())) == 2

@@ -75,16 +75,6 @@ def test_a_disk_that_is_full_at_any_flush(
     assert failing > 10
 
 
-def test_a_full_disk_is_said_with_the_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(descriptor: int) -> None:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    monkeypatch.setattr(_files.os, "fsync", full)
-    with pytest.raises(OSError, match=r"page\.html"):
-        _files.commit(tmp_path / "page.html", b"a page")
-    assert not list(tmp_path.iterdir())
-
-
 def test_a_second_run_exits_with_two_and_says_who_has_it(tmp_path: Path) -> None:
     text, archive = written(STUDY.text, tmp_path), tmp_path / "a.nc"
     with run_lock(parts_of(archive)):

@@ -8,7 +8,7 @@ import pytest
 import xarray as xr
 
 from browser import DEEP, MODEL, cell, click, errors, opened, settle, text_of, window
-from studies import SCENE, SINGLE, parsed, steady_study
+from studies import SCENE, SINGLE, archived, parsed, steady_study
 from workflow.analysis import labels
 from workflow.archive import open_archive
 from workflow.report import write_report
@@ -27,11 +27,7 @@ output: {interval: 0.2 ms}
 )
 
 
-@pytest.fixture(scope="module")
-def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("page") / "page.nc"
-    run_study(parsed(STUDY), path)
-    return path
+archive = archived(parsed(STUDY))
 
 
 @pytest.fixture(scope="module")

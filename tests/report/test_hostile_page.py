@@ -12,10 +12,9 @@ import pytest
 
 from browser import DEEP, opened, window
 from hostile import ESCAPES, SCRIPT, changed, crafted
-from studies import SMALL, parsed
+from studies import SMALL, archived, parsed
 from terminal import told
 from workflow.report import write_report
-from workflow.run import run_study
 
 LABEL = "a" * 64
 """Room for what is written in its place."""
@@ -23,11 +22,7 @@ LABEL = "a" * 64
 STUDY = SMALL.replace("axes:", f"schemes: {{{LABEL}: {{method: moreau}}}}\naxes:\n  scheme: [{LABEL}, moreau]")
 
 
-@pytest.fixture(scope="module")
-def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("sound") / "a.nc"
-    run_study(parsed(STUDY), path)
-    return path
+sound = archived(parsed(STUDY))
 
 
 class Tags(HTMLParser):

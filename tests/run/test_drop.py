@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from quick import hashes_of, interrupted, quick
-from studies import cut_finely, written
+from studies import archived, cut_finely, written
 from terminal import told
 from workflow.archive import ArchiveError, _provenance, open_archive, parts_of, provenance
 from workflow.cases import _identity
@@ -176,11 +176,7 @@ STUDY = quick({"e": [0.0, 0.5], "alpha": [0.0, 1e9, 5.0]})
 """Two of its six cases are not ok."""
 
 
-@pytest.fixture(scope="module")
-def earlier(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("earlier") / "quick.nc"
-    run_study(STUDY, path)
-    return path
+earlier = archived(STUDY)
 
 
 @pytest.fixture

@@ -19,7 +19,7 @@ from hostile import write
 from matrix_files import as_npz, matrices_of
 from quick import quick
 from scenes import heavy_chain, tip_flexibility
-from studies import CHAOS, parsed, pinned, written
+from studies import CHAOS, archived, parsed, pinned, written
 from terminal import told
 from workflow import schemes
 from workflow.archive import ArchiveError, _provenance, content_hash, provenance
@@ -41,11 +41,7 @@ STUDY = quick(
 """Of its 18 cases those with the largest alpha are ill-posed."""
 
 
-@pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    archive = tmp_path_factory.mktemp("verify") / "a.nc"
-    run_study(STUDY, archive)
-    return archive
+whole = archived(STUDY)
 
 
 @pytest.fixture

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from matrix_files import as_sparse_npz, matrices_of
+from quick import quick
 from scenes import chain
 from studies import CHAOS, PRESSED, SCENE, parsed, solve_all, written
 from workflow import schemes
@@ -93,17 +94,11 @@ def test_the_solution_of_a_case_is_not_that_of_the_next() -> None:
 
 def test_a_reference_that_raises_harms_no_case() -> None:
     """One load of three moves the free body for ever: that case fails, the others have their errors."""
-    text = """
-study: a
-scene:
-  chain: {nodes: 3, mass: 1, stiffness: [0, 2, 2], heat_capacity: 1}
-  casing: {gap: 0.1}
-  initial: static
-  duration: 1
-axes: {scene.load.mean: [1, -1, 2], h: 1e-3}
-reference: {scheme: event_driven}
-"""
-    (results,) = solve_all(text)
+    free = {"nodes": 3, "mass": 1, "stiffness": [0, 2, 2], "heat_capacity": 1}
+    scene = {"chain": free, "casing.gap": 0.1, "load": {}, "initial": "static", "duration": 1}
+    axes = {"h": 1e-3, "e": None, "alpha": None, "scene.load.mean": [1, -1, 2]}
+    study = quick(axes, scene=scene, reference={"scheme": "event_driven"}, output={"interval": 1e-3})
+    (results,) = solve_all(study.text)
     assert results.values["status"].tolist() == [0, 3, 0]
     assert list(results.messages) == [1]
     assert "no equilibrium" in results.messages[1]

@@ -1,6 +1,5 @@
 """Steady rubs of an archive: part of a case's identity, extended and verified; runaway, which leaves a case ok."""
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -8,16 +7,14 @@ import pytest
 import xarray as xr
 
 from quick import hashes_of, quick
-from studies import parsed, solve_all, steady_study
+from studies import archived, solve_all, steady_study
 from workflow import plan_study, run_study
 from workflow.run import verify
 
 AXES = {"scheme": ["event_driven", "moreau"], "h": 1e-3, "alpha": [0, 5, 30], "scene.casing.gap": [20e-6, 25e-6]}
 
 
-@pytest.fixture(scope="module")
-def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return run_study(steady_study(AXES, {"samples": 40}), tmp_path_factory.mktemp("steady") / "a.nc").archive
+path = archived(steady_study(AXES, {"samples": 40}))
 
 
 @pytest.fixture
@@ -82,25 +79,17 @@ def test_the_plan_counts_them() -> None:
     assert {"output.steady.periods", "output.steady.samples"} <= {value.path for value in asked.scene}
 
 
-SHORT = """
-scene:
-  chain: {nodes: 2, mass: 2.0e-3, stiffness: 1.0e6, heat_capacity: 2.0e-3, conductance: 0.4,
-          spacing: 3.0e-3, expansion: 1.0e-5, damping: {mass: 200}}
-  casing: {gap: 1.0e-5}
-  load: {amplitude: 15.0, frequency: FREQUENCY}
-  duration: DURATION
-"""
-
-
 @pytest.mark.parametrize("frequency", [260, pytest.param(900, marks=pytest.mark.slow)])
 def test_steady_rubs_do_not_depend_on_the_duration(frequency: int, tmp_path: Path) -> None:
-    axes = {"scheme": "event_driven", "e": [0.0, 0.5], "alpha": [0.0, 2.0]}
-    found = []
-    for duration in (0.003, 0.02, 0.3):
-        scene = SHORT.replace("FREQUENCY", str(frequency)).replace("DURATION", str(duration))
-        output = {"interval": 0.001, "histories": [], "steady": {"samples": 4}}
-        study = parsed(f"study: durations\n{scene}\naxes: {json.dumps(axes)}\noutput: {json.dumps(output)}\n")
-        found.append(run_study(study, tmp_path / f"{duration}.nc").dataset.load())
+    chain = {"nodes": 2, "mass": 2e-3, "stiffness": 1e6, "heat_capacity": 2e-3, "conductance": 0.4, "spacing": 3e-3}
+    chain |= {"expansion": 1e-5, "damping": {"mass": 200}}
+    scene = {"chain": chain, "casing.gap": 1e-5, "load": {"amplitude": 15.0, "frequency": frequency}}
+    axes = {"scheme": "event_driven", "h": None, "e": [0.0, 0.5], "alpha": [0.0, 2.0]}
+    output = {"interval": 0.001, "histories": [], "steady": {"samples": 4}}
+    found = [
+        run_study(quick(axes, scene=scene | {"duration": duration}, output=output), tmp_path / f"{duration}.nc").dataset
+        for duration in (0.003, 0.02, 0.3)
+    ]
     for name in ("steady_state", "steady_periods", "steady_impulse", "orbit_temperature", "floquet_multiplier"):
         for other in found[1:]:
             np.testing.assert_array_equal(found[0][name].values, other[name].values)
@@ -108,18 +97,13 @@ def test_steady_rubs_do_not_depend_on_the_duration(frequency: int, tmp_path: Pat
 
 def test_a_branch_whose_first_case_raises_leaves_the_others() -> None:
     """A free body under a constant load has no equilibrium to start from."""
-    text = """
-study: a
-scene:
-  chain: {nodes: 2, mass: 1, stiffness: [0, 1], heat_capacity: 1, convection: 1, damping: {mass: 0.1}}
-  casing: {gap: 0.1}
-  load: {amplitude: 1, frequency: 0.3}
-  initial: static
-  duration: 10
-axes: {scheme: event_driven, scene.load.mean: [-1, 0], scene.casing.gap: {branch: [0.05, 0.2, 4]}}
-output: {interval: 1, histories: [], steady: true}
-"""
-    (results,) = solve_all(text)
+    chain = {"nodes": 2, "mass": 1, "stiffness": [0, 1], "heat_capacity": 1, "convection": 1, "damping": {"mass": 0.1}}
+    load = {"amplitude": 1, "frequency": 0.3}
+    scene = {"chain": chain, "casing.gap": 0.1, "load": load, "initial": "static", "duration": 10}
+    axes = {"scheme": "event_driven", "h": None, "e": None, "alpha": None, "scene.load.mean": [-1, 0]}
+    branch = {"scene.casing.gap": {"branch": [0.05, 0.2, 4]}}
+    output = {"interval": 1, "histories": [], "steady": True}
+    (results,) = solve_all(quick(axes | branch, scene=scene, output=output).text)
     assert "no equilibrium" in results.messages[0]
     assert "no equilibrium" not in results.messages[1]
     assert results.values["steady_state"].shape == (2, 4)
@@ -127,17 +111,11 @@ output: {interval: 1, histories: [], steady: true}
 
 def test_slow_growth_beside_fast_decay_is_a_runaway() -> None:
     """1e-6 1/s beside damping rates of 4e8 1/s: above the critical coupling a positive eigenvalue is certain."""
-    text = """
-study: slow
-scene:
-  chain: {nodes: 3, mass: 1.0e-3, stiffness: 1.0e6, damping: {stiffness: 0.1}, spacing: 1.0e-2, expansion: 1.0e-5,
-          heat_capacity: 1.0e+3, conductance: 1.0e-3}
-  casing: {gap: 0}
-  duration: 1.0e-3
-axes: {alpha: [0.003, 0.02], scheme: event_driven}
-output: {interval: 1.0e-3}
-"""
-    values = solve_all(text)[0].values
+    chain = {"nodes": 3, "mass": 1e-3, "stiffness": 1e6, "damping": {"stiffness": 0.1}, "spacing": 1e-2}
+    chain |= {"expansion": 1e-5, "heat_capacity": 1e3, "conductance": 1e-3}
+    scene = {"chain": chain, "casing.gap": 0, "load.amplitude": 0, "duration": 1e-3}
+    axes = {"h": None, "e": None, "alpha": [0.003, 0.02], "scheme": "event_driven"}
+    values = solve_all(quick(axes, scene=scene, output={"interval": 1e-3}).text)[0].values
     assert values["critical_alpha"][0] == pytest.approx(2e-3 / 0.3, rel=1e-12)
     assert 0 < values["growth_rate"][1] < 1e-5
     assert values["runaway"].tolist() == [0, 1]
