@@ -17,25 +17,9 @@ from workflow.study import parse_study, read_study
 ROOT = Path(__file__).parents[1]
 ARCHITECTURE = ROOT / "ARCHITECTURE.md"
 STUDIES = sorted((ROOT / "studies").rglob("*.yaml"))
-NAMES = [
-    "abstract_figure",
-    "compressor_blade",
-    "scaling",
-    "work_precision",
-    "work_precision_blade",
-    "work_precision_finite_element",
-    *(f"hard/{p.stem}" for p in STUDIES if p.parent.name == "hard"),
-]
-LONG = {
-    "compressor_blade",
-    "scaling",
-    "work_precision",
-    "work_precision_blade",
-    "work_precision_finite_element",
-    "hard/all_steps",
-    "hard/bouncing_bar",
-    "hard/unfit_bases",
-}
+LONG = ["compressor_blade", "scaling", "work_precision", "work_precision_blade", "work_precision_finite_element"]
+LONG += [f"hard/{name}" for name in ("all_steps", "bouncing_bar", "unfit_bases")]
+NAMES = sorted({"abstract_figure", *LONG, *(f"hard/{p.stem}" for p in STUDIES if p.parent.name == "hard")})
 KEPT = [pytest.param(name, marks=pytest.mark.slow) if name in LONG else name for name in NAMES]
 """Studies whose archives are kept in ``data/``, by path; ``pytest -m "slow or not slow" --regenerate`` writes them."""
 
@@ -202,7 +186,7 @@ def test_kept_archives_are_of_today_s_studies(name: str) -> None:
 SLOW = ("scaling", "hard/bouncing_bar")
 
 
-@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * (n in SLOW)) for n in sorted(LONG)])
+@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * (n in SLOW)) for n in LONG])
 def test_kept_archives_that_take_long_to_repeat_are_verified(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     kept = ROOT / "data" / f"{name}.nc"
     judged_within_rounding(kept, monkeypatch)

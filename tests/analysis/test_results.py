@@ -1,4 +1,4 @@
-"""Contact phases, growth of impulses, differences, labels and cost of known arrays; the case shown, and its casing."""
+"""Contact phases, growth of impulses, differences, labels, cost and indices; the case that is shown, its casing."""
 
 from pathlib import Path
 
@@ -7,11 +7,22 @@ import pytest
 import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.stats import sobol_indices
 
 from errors_over_steps import archive_of
 from quick import quick
 from studies import FALLING_BALL, parsed
-from workflow import compare, contact_phases, labels, recommend, work_precision
+from workflow import (
+    compare,
+    contact_phases,
+    labels,
+    plots,
+    read_study,
+    recommend,
+    run_study,
+    sobol,
+    work_precision,
+)
 from workflow.analysis import (
     NoReferenceError,
     casing_motion,
@@ -24,8 +35,9 @@ from workflow.analysis import (
 )
 from workflow.archive import open_archive
 from workflow.plots import histories
+from workflow.report import write_report
 from workflow.report._sections import effects
-from workflow.run import run_study
+from workflow.study.ranges import Drawn, Range
 
 T = np.array([0.0, 0.1, 0.2, 0.3, 0.4, 0.5])
 
@@ -66,15 +78,14 @@ def test_without_forces_there_are_no_phases() -> None:
 def test_phases_of_a_ball_hold_its_impacts(tmp_path) -> None:  # type: ignore[no-untyped-def]
     """A ball from 1 m: the first phase holds the first impact, and all of them bear the whole impulse."""
     rest = "axes: {scheme: event_driven, e: [0, 0.7]}\noutput: {interval: 1 ms, histories: [contact_force]}\n"
-    run_study(parsed(f"study: ball{FALLING_BALL}{rest}"), tmp_path / "ball.nc")
-    with open_archive(tmp_path / "ball.nc") as archive:
-        phases = contact_phases(archive)
-        assert np.all(phases["begin"].sel(phase=1) <= np.sqrt(2 / 9.81))
-        assert np.all(phases["end"].sel(phase=1) >= np.sqrt(2 / 9.81))
-        assert phases["impulse"].sum("phase").values == pytest.approx(archive["contact_impulse"].values, rel=1e-9)
-        assert int(phases["begin"].sel(e=0).count()) == 1  # it lies where it fell
-        bounces = phases["impulse"].sel(e=0.7, phase=[1, 2, 3]).values
-        assert bounces == pytest.approx(1.7 * 2 * np.sqrt(2 * 9.81) * 0.7 ** np.arange(3), rel=1e-9)
+    archive = run_study(parsed(f"study: ball{FALLING_BALL}{rest}"), tmp_path / "ball.nc").dataset
+    phases = contact_phases(archive)
+    assert np.all(phases["begin"].sel(phase=1) <= np.sqrt(2 / 9.81))
+    assert np.all(phases["end"].sel(phase=1) >= np.sqrt(2 / 9.81))
+    assert phases["impulse"].sum("phase").values == pytest.approx(archive["contact_impulse"].values, rel=1e-9)
+    assert int(phases["begin"].sel(e=0).count()) == 1  # it lies where it fell
+    bounces = phases["impulse"].sel(e=0.7, phase=[1, 2, 3]).values
+    assert bounces == pytest.approx(1.7 * 2 * np.sqrt(2 * 9.81) * 0.7 ** np.arange(3), rel=1e-9)
 
 
 def cases(scale: float = 1.0, interval: float = 0.1, alphas: tuple[float, ...] = (0.0, 1.0)) -> xr.Dataset:
@@ -128,13 +139,12 @@ def test_a_comparison_with_the_exact_case_is_the_error_in_the_archive(tmp_path) 
     axes = {"scheme": ["event_driven", "moreau"], "h": [1e-5, 2e-5], "e": None, "alpha": [0.0, 5.0]}
     output = {"histories": ["displacement", "temperature", "impulse"]}
     study = quick(axes, reference={"scheme": "event_driven"}, output=output, scene={"load.frequency": 250.0})
-    run_study(study, tmp_path / "a.nc", threads=1)
-    with open_archive(tmp_path / "a.nc") as archive:
-        differences = compare(archive, archive.sel(scheme="event_driven").isel(h=0))
-        for name in ("displacement", "temperature", "impulse"):
-            error = archive[f"{name}_error"].transpose(*differences[name].dims)
-            assert float(error.max()) > 1e-6
-            assert differences[name].values == pytest.approx(error.values, rel=1e-9, abs=1e-15)
+    archive = run_study(study, tmp_path / "a.nc", threads=1).dataset
+    differences = compare(archive, archive.sel(scheme="event_driven").isel(h=0))
+    for name in ("displacement", "temperature", "impulse"):
+        error = archive[f"{name}_error"].transpose(*differences[name].dims)
+        assert float(error.max()) > 1e-6
+        assert differences[name].values == pytest.approx(error.values, rel=1e-9, abs=1e-15)
 
 
 def test_growth_of_the_impulse_is_of_the_last_complete_period_over_the_first() -> None:
@@ -344,3 +354,107 @@ def test_periods_are_those_of_the_load_else_of_the_first_harmonic(
 @pytest.mark.parametrize("scene", [{}, {"load": 1}, {"load": {"amplitude": 0, "harmonics": [2]}}])
 def test_a_scene_without_sense_has_no_periods(scene: dict) -> None:
     assert np.isnan(period_frequency(case({}), scene))
+
+
+NUMBERS = ("x", "y", "z")
+
+
+def table(f: np.ndarray, zipped: Drawn) -> xr.Dataset:
+    """Return values ``(…, case)`` as an archive has them."""
+    dims = (*("e", "alpha")[: f.ndim - 1], "design")
+    about = {"sample_point": np.repeat(np.arange(zipped.points), len(zipped.matrices))}
+    about |= {"sample_matrix": np.array(zipped.matrices * zipped.points, dtype=object)}
+    numbers = {path: ("design", list(values), {"study_path": path}) for path, values in zipped.columns().items()}
+    coords = numbers | {name: ("design", values) for name, values in about.items()}
+    return xr.Dataset({"f": (dims, f), "status": (dims, np.zeros(f.shape, np.int8))}, coords)
+
+
+def ishigami(points: int) -> xr.Dataset:
+    zipped = Drawn("sobol_indices", points, 1, dict.fromkeys(NUMBERS, Range("lin", -np.pi, np.pi)))
+    x, y, z = zipped.columns().values()
+    return table(np.sin(x) + 7 * np.sin(y) ** 2 + 0.1 * np.power(z, 4) * np.sin(x), zipped)
+
+
+def test_estimates_are_those_of_scipy() -> None:
+    dataset = ishigami(64)
+    a, b, *mixed = dataset["f"].values.reshape(64, 5).T
+    scipy = sobol_indices(func={"f_A": a[None], "f_B": b[None], "f_AB": np.array(mixed)[:, None]}, n=64)
+    indices = sobol(dataset.isel(design=np.random.default_rng(3).permutation(320)), "f").sel(number=list(NUMBERS))
+    assert indices["first"].values == pytest.approx(scipy.first_order, rel=1e-12, abs=1e-12)
+    assert indices["total"].values == pytest.approx(scipy.total_order, rel=1e-12, abs=1e-12)
+
+
+def test_an_interval_is_that_of_resampled_points() -> None:
+    dataset, generator = ishigami(16), np.random.default_rng(0)
+    f = dataset["f"].values.reshape(16, 5)
+    again = [f[generator.integers(16, size=16)] for _ in range(999)]
+    both = [sobol(dataset.assign(f=("design", one.ravel())), "f") for one in again[:40]]
+    a, b, mixed = (np.array([one[:, at] for one in again]) for at in (0, 1, slice(2, None)))
+    centre, variance = np.concatenate([a, b], 1).mean(1)[:, None], np.concatenate([a, b], 1).var(1)[:, None]
+    first = ((b - centre)[..., None] * (mixed - a[..., None])).mean(1) / variance
+    total = ((mixed - a[..., None]) ** 2).mean(1) / 2 / variance
+    assert np.array([one["first"].values for one in both]) == pytest.approx(first[:40])
+    indices = sobol(dataset, "f")
+    assert pytest.approx(np.percentile(first, [2.5, 97.5], axis=0)) == indices["first_interval"].values.T
+    assert pytest.approx(np.percentile(total, [2.5, 97.5], axis=0)) == indices["total_interval"].values.T
+
+
+def test_other_dimensions_stay_and_what_is_missing_has_no_index() -> None:
+    one = ishigami(8)
+    dataset = table(np.stack([one["f"].values, np.full(40, 0.1), 2 * one["f"].values]), Drawn(
+        "sobol_indices", 8, 1, dict.fromkeys(NUMBERS, Range("lin", -np.pi, np.pi))
+    ))  # fmt: skip
+    dataset["status"][2, 3] = 1  # the second number of B in the first point
+    indices = sobol(dataset, "f")
+    assert indices["first"].dims == ("e", "number")
+    assert list(indices["number"].values) == list(NUMBERS)
+    assert indices["total"][0].values == pytest.approx(sobol(one, "f")["total"].values)
+    assert np.isnan(indices["first"][1]).all()
+    assert np.isnan(indices["total_interval"][1]).all()
+    assert np.isnan(indices["first"][2]).values.tolist() == [False, True, False]
+    with pytest.raises(ValueError, match="`g` is no metric along `design`"):
+        sobol(dataset, "g")
+    with pytest.raises(ValueError, match="draw a zip with `sample: sobol_indices`"):
+        sobol(dataset.isel(design=slice(0, None, 5)), "f")
+
+
+PRESSED = """
+study: pressed
+scene:
+  chain: {nodes: 3, mass: 2.5e-3, stiffness: 4.0e6, damping: {mass: 10}, heat_capacity: 1}
+  casing: {gap: 20 um}
+  load: {mean: 120}
+  initial: static
+  duration: 20 ms
+axes: {scheme: [moreau, event_driven], h: 1e-4}
+zip:
+  design: {sample: sobol_indices, points: 128, of: {scene.load.mean: [60, 90], scene.casing.gap: [10 um, 30 um]}}
+reference: {scheme: event_driven}
+output: {interval: 1 ms}
+"""
+
+
+def test_a_pressed_tip_divides_its_impulse_between_load_and_gap(tmp_path: Path) -> None:
+    """The impulse is T (F − d/S), S = 3/4e6 m/N: shares of (30 N)² and (20 µm/S)², nothing together."""
+    study = read_study(PRESSED)
+    run_study(study, tmp_path / "pressed.nc", threads=1)
+    outcome = run_study(study.with_({"zip.design.points": 256}), tmp_path / "pressed.nc", threads=1)
+    assert outcome.resumed == 1024
+    dataset, flexibility = open_archive(tmp_path / "pressed.nc"), 3 / 4e6
+    force = dataset["mean"] - dataset["gap"] / flexibility
+    assert dataset["contact_impulse"].values == pytest.approx(np.array([0.02 * force.values] * 2), rel=1e-6)
+    indices = sobol(dataset, "contact_impulse")
+    load, gap = 30**2, (20e-6 / flexibility) ** 2
+    for name in ("first", "total"):
+        assert indices[name].sel(number=["mean", "gap"]).values == pytest.approx(
+            np.array([[load, gap]] * 2) / (load + gap),
+            abs=4e-3,  # of 256 points
+        )
+    assert "sample_point" not in recommend(dataset).choice.worst.case
+    figure = plots.sobol_indices(dataset.sel(scheme="event_driven"), "contact_impulse")
+    first, total = (line for line in figure.axes[0].get_lines() if line.get_marker() != "None")
+    assert first.get_ydata() == pytest.approx(indices["first"].sel(scheme="event_driven").values)
+    assert total.get_ydata() == pytest.approx(indices["total"].sel(scheme="event_driven").values)
+    page = write_report(tmp_path / "pressed.nc").page.read_text(encoding="utf-8")
+    assert "What the drawn numbers do" in page
+    assert "What the axes do" not in page

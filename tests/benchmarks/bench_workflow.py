@@ -21,7 +21,7 @@ import bench_limits
 import xarray as xr
 from timing import Line, Size, least, scratch, taken, within
 
-from studies import HEAVY_SCENE, parsed
+from studies import BLADE_SCENE, HEAVY_SCENE, parsed
 from workflow import open_archive, run_study
 from workflow.cases import arrange
 from workflow.plan import plan
@@ -81,19 +81,18 @@ zip: {{model: {{mechanical_modes: [100], thermal_modes: [30]}}}}
 output: {{interval: 0.05 ms, histories: [displacement]}}
 """
 
-COATED = """
-study: coated
-scene:
-  blade: {nodes: 20, length: 40 mm, width: 30 mm, thickness: 1 mm, density: 4430, specific_heat: 560, conductivity: 7.0,
-          convection: 400, expansion: 9.0e-6, tip_stiffness: 1.0e6, damping: {mass: 10.0, stiffness: 2.0e-7}}
-  casing: {gap: 10 um, flexibility: 1e-7, harmonics: [{order: 2, amplitude: 12 um}],
-           coating: {yield_force: 2 N, hardening: 1e5, sectors: 360}}
-  load: {mean: 25, amplitude: 10, frequency: 810 Hz}
-  speed: 20000 rpm
-  duration: 3 s
-axes: {scheme: event_driven, alpha: 10, mechanical_modes: 3, thermal_modes: 12}
-output: {interval: 10 ms, histories: [], balances: false}
-"""
+CASING = {"flexibility": 1e-7, "harmonics": [{"order": 2, "amplitude": "12 um"}]}
+COATED = parsed(
+    f"study: coated{BLADE_SCENE}  speed: 20000 rpm\n"
+    "axes: {scheme: event_driven, alpha: 10, mechanical_modes: 3, thermal_modes: 12}\n"
+    "output: {interval: 10 ms, histories: [], balances: false}\n"
+).with_(
+    {
+        "scene.casing": {"gap": "10 um", "coating": {"yield_force": "2 N", "hardening": 1e5, "sectors": 360}, **CASING},
+        "scene.load": {"mean": 25, "amplitude": 10, "frequency": "810 Hz"},
+        "scene.duration": "3 s",
+    }
+)
 """The blade of ``blade.yaml`` cuts a coating over a thousand revolutions."""
 
 ROOT = Path(__file__).parents[2]
@@ -225,7 +224,7 @@ def extension(cases: int) -> Line:
 def coated() -> Line:
     """A thousand revolutions against a coating, exactly: the case's own processor time."""
     with scratch() as directory:
-        run_study(parsed(COATED), directory / "a.nc")
+        run_study(COATED, directory / "a.nc")
         seconds = 1e3 * kernel_seconds(directory / "a.nc")
     return "`event_driven`, 1 000 revolutions, coating of 360 sectors, 3 + 12 modes", "", f"{seconds:.0f} ms", ""
 
@@ -233,9 +232,8 @@ def coated() -> Line:
 def out_of_reach(method: str, duration: str) -> Line:
     """A coating that is never touched over the elastic casing alone: the median ratio of runs in turns."""
     axes = {"axes.scheme": method, "axes.h": 1e-5, "axes.alpha": {"lin": [0, 1, 256]}, "output.interval": "0.1 s"}
-    coat = parsed(COATED).with_(axes | {"scene.duration": duration, "scene.casing.gap": "5 mm"})
-    casing = {"gap": "5 mm", "flexibility": 1e-7, "harmonics": [{"order": 2, "amplitude": "12 um"}]}
-    alone = coat.with_({"scene.casing": casing})
+    coat = COATED.with_(axes | {"scene.duration": duration, "scene.casing.gap": "5 mm"})
+    alone = coat.with_({"scene.casing": {"gap": "5 mm", **CASING}})
     pairs = []
     with scratch() as directory:
         for k in range(8):

@@ -20,7 +20,7 @@ from scenes import blade
 from studies import HEAVY_SCENE, ILL, SCENE, SINGLE, SMALL, parsed, written
 from terminal import told
 from workflow import schemes
-from workflow.cases import arrange, reads
+from workflow.cases import Grid, arrange, reads
 from workflow.cli._studies import _lines as plan_lines
 from workflow.models._sparse_pair import SparsePair
 from workflow.plan import plan, plan_study, template
@@ -30,6 +30,10 @@ from workflow.schemes import Status, names
 from workflow.solve import _operators, model_seconds, solve, tasks
 from workflow.solve import _tasks as cutting
 from workflow.solve._variables import metrics_of
+
+
+def grid_of(rest: str, scene: str = SCENE) -> Grid:
+    return arrange(parsed(f"study: a\n{scene}{rest}\n"))
 
 
 def test_operators_lie_outermost_and_what_is_varied_finely_innermost() -> None:
@@ -56,14 +60,13 @@ def test_the_order_of_dimensions_depends_on_what_varies_alone(data: st.DataObjec
     """Neither on the number of values, nor on where an axis is written."""
     chosen = data.draw(st.permutations(sorted(AXES)))[: data.draw(st.integers(1, 5))]
     axes = {name: AXES[name][: data.draw(st.integers(1, len(AXES[name])))] for name in chosen}
-    names = [name for name, _ in arrange(parsed(f"study: a\n{SCENE}axes: {json.dumps(axes)}\n")).dims]
+    names = [name for name, _ in grid_of(f"axes: {json.dumps(axes)}").dims]
     ranked = ["scheme", "mass", "stiffness", "h", "mean", "e", "gap", "alpha", "frequency"]
     assert names == [name for name in ranked if name in names]
 
 
 def test_a_zip_of_step_and_condition_is_outer() -> None:
-    text = "study: a\n" + SCENE + "axes: {alpha: [0, 1]}\nzip: {pair: {h: [1e-4, 1e-3], e: [0, 0.5]}}\n"
-    grid = arrange(parsed(text))
+    grid = grid_of("axes: {alpha: [0, 1]}\nzip: {pair: {h: [1e-4, 1e-3], e: [0, 0.5]}}")
     assert grid.dims == (("pair", 2), ("alpha", 2))
     assert grid.settings(1).e == 0.5
 
@@ -113,8 +116,7 @@ def test_cases_that_take_long_are_not_kept_together(unbroken: float, monkeypatch
 
 def test_processor_time_has_the_width_of_its_batch_beside_it() -> None:
     """Cases are timed by the batch: of three values of alpha and two of e six ran together, of carpenter's three."""
-    text = "study: a\n" + SCENE + "axes: {scheme: [moreau, carpenter], h: 1e-5, alpha: [1, 2, 3], e: [0, 0.5]}\n"
-    grid = arrange(parsed(text))
+    grid = grid_of("axes: {scheme: [moreau, carpenter], h: 1e-5, alpha: [1, 2, 3], e: [0, 0.5]}")
     for outer, width in ((0, 6), (1, 3)):
         values = solve(grid, outer, np.arange(6)).values
         assert np.all(values["batch_width"] == width)
@@ -124,7 +126,7 @@ def test_processor_time_has_the_width_of_its_batch_beside_it() -> None:
 
 def test_waiting_is_no_processor_time(monkeypatch: pytest.MonkeyPatch) -> None:
     """Work of one thread counts, not what others do meanwhile: a scheme sleeps 0.3 s."""
-    grid = arrange(parsed("study: a\n" + SCENE + "axes: {h: 1e-4, alpha: [1, 2]}\n"))
+    grid = grid_of("axes: {h: 1e-4, alpha: [1, 2]}")
     moreau = import_module("workflow.schemes.moreau")
     compute = moreau.compute
 
@@ -139,16 +141,9 @@ def test_waiting_is_no_processor_time(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_plan_says_what_it_comes_to() -> None:
     """Issue figures: implicit Euler at 1.09 kHz and 1e-4 s damps by 0.32 against 0.0014."""
-    text = (
-        f"study: heavy{HEAVY_SCENE}"
-        + """\
-schemes:
-  early: {method: moreau, theta: 0.45}
-axes: {scheme: [moreau, early], h: [1e-4, 1e-3], e: [0, 0.5]}
-output: {interval: 1 ms}
-"""
-    )
-    grid = arrange(parsed(text))
+    schemes = "schemes: {early: {method: moreau, theta: 0.45}}\n"
+    axes = "axes: {scheme: [moreau, early], h: [1e-4, 1e-3], e: [0, 0.5]}\n"
+    grid = grid_of(f"{schemes}{axes}output: {{interval: 1 ms}}", HEAVY_SCENE)
     planned = plan(grid)
     assert (planned.cases, planned.unique, planned.batches) == (8, 8, 4)
     assert planned.steps == 2 * 2 * (3000 + 300)
@@ -181,9 +176,8 @@ def test_a_plan_says_by_which_parameter_a_blade_is_how_stiff(given: str) -> None
 
 
 def test_a_plan_names_every_operator_and_the_basis_a_caution_is_of() -> None:
-    axes = "axes: {scheme: [moreau, event_driven, carpenter], mechanical_modes: [1, 2, 3], thermal_modes: 2, h: 3e-5}\n"
-    grid = arrange(parsed("study: a\n" + SCENE + axes))
-    planned = plan(grid)
+    axes = "axes: {scheme: [moreau, event_driven, carpenter], mechanical_modes: [1, 2, 3], thermal_modes: 2, h: 3e-5}"
+    planned = plan(grid_of(axes))
     sizes = [f"{name}: {n} mechanical + 3 thermal coordinates" for name in ("moreau", "carpenter") for n in (2, 3, 4)]
     assert sorted(name.partition(",")[0] for name in planned.operators) == sorted(sizes)
     assert planned.structures[0].label == "chain, 4 nodes"
@@ -193,22 +187,20 @@ def test_a_plan_names_every_operator_and_the_basis_a_caution_is_of() -> None:
     assert diverging.endswith("-fold at h = 3e-05 s (3 mechanical + 2 thermal modes)")
     [damped] = [line for line in planned.warnings if "damps the first mode" in line]
     assert damped.endswith("at h = 3e-05 s")
-    planned = plan_study(parsed("study: a\n" + SCENE + axes.replace("3e-5", "4e-5")))
-    [diverging] = [line for line in planned.warnings if "diverges" in line]
+    [diverging] = [line for line in plan(grid_of(axes.replace("3e-5", "4e-5"))).warnings if "diverges" in line]
     assert diverging.endswith("-fold at h = 4e-05 s (worst with 3 mechanical + 2 thermal modes)")
 
 
 def test_a_mode_that_does_not_swing_is_not_said_to_be_damped_numerically() -> None:
     for ratio, expected in ((0.3, 1), (5, 0)):
-        text = SCENE.replace("damping: {mass: 10, stiffness: 2.0e-7}", f"damping: {{ratio: {ratio}}}")
-        warnings = plan_study(parsed(f"study: a\n{text}axes: {{h: 1e-4}}\n")).warnings
+        scene = SCENE.replace("damping: {mass: 10, stiffness: 2.0e-7}", f"damping: {{ratio: {ratio}}}")
+        warnings = plan(grid_of("axes: {h: 1e-4}", scene)).warnings
         assert sum("damps the first mode" in line for line in warnings) == expected
 
 
 def test_load_periods_of_different_cases() -> None:
     """The dimension is as long as the longest; shorter cases have NaN beyond their own."""
-    text = "study: a\n" + SCENE + "axes: {scene.load.frequency: [50, 100, 0]}\noutput: {interval: 1 ms}\n"
-    grid = arrange(parsed(text))
+    grid = grid_of("axes: {scene.load.frequency: [50, 100, 0]}\noutput: {interval: 1 ms}")
     solved = solve(grid, 0, np.arange(3))
     for name in ("period_impulse", "period_force", "period_temperature", "period_contact"):
         counted = np.sum(~np.isnan(solved.values[name]), axis=1)
@@ -220,12 +212,10 @@ def test_load_periods_of_different_cases() -> None:
 
 def test_a_reduced_static_start_is_at_rest_too() -> None:
     """Heated and loaded, with any number of modes: nothing swings, nothing drifts."""
-    text = "study: a\n" + SCENE.replace("amplitude: 100", "mean: 20, amplitude: 0").replace(
-        "convection: 0.02}", "convection: 0.02, heating: 0.5}"
-    ).replace("  duration", "  initial: static\n  duration")
-    text += "axes: {scheme: [moreau, event_driven]}\n"
-    text += "zip: {model: {mechanical_modes: [0, 1, full], thermal_modes: [0, 2, full]}}\n"
-    grid = arrange(parsed(text))
+    scene = SCENE.replace("amplitude: 100", "mean: 20, amplitude: 0").replace("0.02}", "0.02, heating: 0.5}")
+    modes = "zip: {model: {mechanical_modes: [0, 1, full], thermal_modes: [0, 2, full]}}"
+    start = scene.replace("  duration", "  initial: static\n  duration")
+    grid = grid_of(f"axes: {{scheme: [moreau, event_driven]}}\n{modes}", start)
     for outer in range(grid.outer_count):
         x = solve(grid, outer, np.arange(1)).values["displacement"][0]
         assert x[0] > 2e-5
@@ -233,19 +223,14 @@ def test_a_reduced_static_start_is_at_rest_too() -> None:
 
 
 def test_an_axis_that_nothing_reads_gives_a_caution() -> None:
-    text = (
-        "study: a\n" + SCENE + "schemes: {other: {method: moreau}}\naxes: {schemes.other.theta: [0.5, 1], e: [0, 1]}\n"
-    )
-    grid = arrange(parsed(text))
-    planned = plan(grid)
+    text = "schemes: {other: {method: moreau}}\naxes: {schemes.other.theta: [0.5, 1], e: [0, 1]}\n"
+    planned = plan(grid_of(text))
     assert (planned.cases, planned.unique) == (4, 2)
     assert [line for line in planned.warnings if "changes nothing" in line] == [
         "theta changes nothing: no scheme of this study reads it, its cases are the same"
     ]
-    compared = text + "reference: {scheme: other}\n"
-    for used in (text.replace("axes: {", "axes: {scheme: [other, moreau], "), compared):
-        grid = arrange(parsed(used))
-        assert not any("changes nothing" in line for line in plan(grid).warnings)
+    for used in (text.replace("axes: {", "axes: {scheme: [other, moreau], "), f"{text}reference: {{scheme: other}}"):
+        assert not any("changes nothing" in line for line in plan(grid_of(used)).warnings)
 
 
 def test_friction_is_read_beside_alpha(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -256,8 +241,7 @@ def test_friction_is_read_beside_alpha(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_reduction_does_not_depend_on_the_threads_of_blas() -> None:
-    text = "study: a\n" + SCENE.replace("nodes: 4", "nodes: 200") + "axes: {mechanical_modes: 20, thermal_modes: 50}\n"
-    grid = arrange(parsed(text))
+    grid = grid_of("axes: {mechanical_modes: 20, thermal_modes: 50}", SCENE.replace("nodes: 4", "nodes: 200"))
     _operators.model_on.cache_clear()
     with threadpool_limits(limits=2, user_api="blas"):
         next(tasks(grid))
@@ -345,16 +329,12 @@ LIMIT = 2 / (2 * np.sqrt(4e6 / 2.5e-3) * np.sin(7 * np.pi / 18))
 """2/ω_max of the four nodes, whose tip has a whole mass: ω_j = 2 √(k/m) sin((2j-1)π/18)."""
 
 
-def study(axes: str, schemes: str = "", output: str = "{interval: 1 ms}") -> str:
-    return "study: a\n" + SCENE + f"{schemes}\naxes: {axes}\noutput: {output}\n"
-
-
 def test_a_plan_tells_of_limits() -> None:
     """Above 2/ω_max the free step grows; the penalty spring has a limit of its own."""
     defined = "schemes: {stiff: {method: penalty, stiffness: 2.0e7}, soft: {method: penalty, stiffness: 1.0e5}}"
     steps = (0.9 * LIMIT, 1.1 * LIMIT)
-    text = study(f"{{scheme: [carpenter, stiff, soft], h: [{steps[0]}, {steps[1]}]}}", defined)
-    grid = arrange(parsed(text))
+    axes = f"axes: {{scheme: [carpenter, stiff, soft], h: [{steps[0]}, {steps[1]}]}}"
+    grid = grid_of(f"{defined}\n{axes}\noutput: {{interval: 1 ms}}")
     warnings = plan(grid).warnings
     for scheme in ("carpenter", "stiff", "soft"):
         (grows,) = [line for line in warnings if line.startswith(f"{scheme} diverges, its free step grows")]
@@ -374,11 +354,9 @@ def test_a_plan_tells_of_limits() -> None:
 
 
 def test_contact_stiffness_is_an_axis() -> None:
-    text = study(
-        "{scheme: [soft, moreau], h: 1e-5, schemes.soft.stiffness: [1.0e6, 1.0e7 N/m], schemes.soft.damping: [0, 1]}",
-        "schemes: {soft: {method: penalty}}",
-    )
-    grid = arrange(parsed(text))
+    options = "schemes.soft.stiffness: [1.0e6, 1.0e7 N/m], schemes.soft.damping: [0, 1]"
+    axes = f"axes: {{scheme: [soft, moreau], h: 1e-5, {options}}}"
+    grid = grid_of(f"schemes: {{soft: {{method: penalty}}}}\n{axes}\noutput: {{interval: 1 ms}}")
     assert {name for name, _ in grid.dims} >= {"stiffness", "damping"}
     assert plan(grid).unique == 4 + 1
     sunk = {}
@@ -394,14 +372,12 @@ def test_contact_stiffness_is_an_axis() -> None:
 @pytest.mark.parametrize("method", names())
 def test_metrics_of_some_schemes(method: str) -> None:
     """A study has them if one of its schemes gives them; where another runs they are NaN."""
-    study_of = parsed(study(f"{{scheme: {method}, h: 1e-5}}"))
-    grid = arrange(study_of)
+    axes = "axes: {scheme: METHODS, h: 1e-5}\noutput: {interval: 1 ms}"
+    grid = grid_of(axes.replace("METHODS", method))
     declared = set(template(grid).data_vars)
-    assert {about.name for about in metrics_of(study_of)} <= declared
+    assert {about.name for about in metrics_of(grid.study)} <= declared
     assert ("effective_restitution" in declared) == (method in ("carpenter", "penalty"))
-    mixed = arrange(parsed(study(f"{{scheme: [{method}, carpenter], h: 1e-5}}") if method != "carpenter" else SINGLE))
+    both = [method, "carpenter"] if method != "carpenter" else [method]
+    mixed = grid_of(axes.replace("METHODS", f"[{', '.join(both)}]"))
     restitution = solve(mixed, 0, np.arange(1)).values["effective_restitution"]
     assert np.isnan(restitution[0]) == (method not in ("carpenter", "penalty"))
-
-
-SINGLE = study("{scheme: carpenter, h: 1e-5}")

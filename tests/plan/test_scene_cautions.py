@@ -14,7 +14,6 @@ from workflow import open_archive, run_study
 from workflow.cases import arrange
 from workflow.models import static_growth
 from workflow.plan import plan, plan_study
-from workflow.run import warnings_of
 from workflow.schemes import Status
 from workflow.study import read_study
 
@@ -107,9 +106,8 @@ ENTERS = r"heat enters ([0-9.]+) mm in (a tenth of the shortest period|a mean co
 
 def after(directory: Path, scene: str, rest: str = EXACT) -> list[str]:
     """What is said of an archive, besides what the plan says of steps, and whether it settles."""
-    run_study(parsed(f"study: a{scene}{rest}"), directory / "a.nc")
-    with open_archive(directory / "a.nc") as archive:
-        return [line for line in warnings_of(archive) if "damps" not in line and "settled" not in line]
+    said = run_study(parsed(f"study: a{scene}{rest}"), directory / "a.nc").warnings
+    return [line for line in said if "damps" not in line and "settled" not in line]
 
 
 def test_before_a_run_a_contact_is_a_tenth_of_the_load_period() -> None:
@@ -205,13 +203,11 @@ def test_along_an_axis_of_meshes_it_is_said_how_far_the_temperature_still_moves(
 
 def test_the_attribute_says_the_depth(tmp_path: Path) -> None:
     rest = EXACT.replace("alpha: 30", "alpha: 30, mechanical_modes: 3, thermal_modes: [12, full]")
-    run_study(parsed(f"study: a{FINE}{rest}"), tmp_path / "a.nc")
-    with open_archive(tmp_path / "a.nc") as archive:
-        about = archive["max_temperature"].attrs
-        assert about["depth"] == pytest.approx([30e-6, 0.685e-3 / 2], rel=1e-3)
-        assert about["depth_of_mesh"] == pytest.approx(30e-6)
-        assert about["thermal_diffusivity"] == pytest.approx(DIFFUSIVITY)
-        assert "mean over `depth`" in about["comment"]
+    about = run_study(parsed(f"study: a{FINE}{rest}"), tmp_path / "a.nc").dataset["max_temperature"].attrs
+    assert about["depth"] == pytest.approx([30e-6, 0.685e-3 / 2], rel=1e-3)
+    assert about["depth_of_mesh"] == pytest.approx(30e-6)
+    assert about["thermal_diffusivity"] == pytest.approx(DIFFUSIVITY)
+    assert "mean over `depth`" in about["comment"]
 
 
 @pytest.mark.parametrize(("interval", "told"), [("1 ms", False), ("10 us", False), ("5 us", True)])

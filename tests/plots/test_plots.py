@@ -10,7 +10,7 @@ import xarray as xr
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from errors_over_steps import H, over_steps
+from errors_over_steps import H, archive_of, over_steps
 from workflow.analysis import ERRORS
 from workflow.plots import (
     Curve,
@@ -175,14 +175,10 @@ def assert_apart(figure: Figure, texts: list[Any], at_least: int) -> None:
 
 
 def grid(**axes: list[Any]) -> xr.Dataset:
-    shape = tuple(map(len, axes.values()))
-    return xr.Dataset(
-        {
-            "status": (tuple(axes), np.zeros(shape, np.int8)),
-            "contact_impulse": (tuple(axes), np.arange(np.prod(shape), dtype=float).reshape(shape), {"units": "N s"}),
-        },
-        coords={name: list(values) for name, values in axes.items()},
-    )
+    shape = [len(values) for values in axes.values()]
+    dataset = archive_of(0.0, axes, contact_impulse=np.arange(np.prod(shape), dtype=float).reshape(shape))
+    dataset["contact_impulse"].attrs["units"] = "N s"
+    return dataset
 
 
 def test_ticks_of_a_metric_along_axes_are_apart() -> None:

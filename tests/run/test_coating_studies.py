@@ -117,13 +117,11 @@ def test_what_matters_is_in_the_identity_of_a_case() -> None:
 @pytest.mark.parametrize("scheme", ["moreau", "event_driven"])
 def test_a_sweep_goes_on_with_the_worn_depth(scheme: str, tmp_path: Path) -> None:
     """Two points of almost the same load are one case of twice the time; a border lies off their common end."""
-    path, time = "scene.load.mean", {"duration": 0.066}
-    axes = {"scheme": scheme, path: {"sweep": [4.0, 4.0 * (1 + 1e-11), 2]}}
-    swept = oval(axes, duration=0.033, output={"interval": "1 ms"})
-    points = run_study(swept, tmp_path / "a.nc", threads=1).dataset
-    whole = run_study(
-        oval({"scheme": scheme}, **time, output={"interval": "1 ms"}), tmp_path / "b.nc", threads=1
-    ).dataset
+    axes, output = {"scene.load.mean": {"sweep": [4.0, 4.0 * (1 + 1e-11), 2]}}, {"interval": "1 ms"}
+    points, whole = (
+        run_study(oval({"scheme": scheme, **own}, duration=time, output=output), tmp_path / f"{time}.nc").dataset
+        for own, time in ((axes, 0.033), ({}, 0.066))
+    )
     np.testing.assert_allclose(points["worn_depth"][-1], whole["worn_depth"], rtol=1e-9, atol=1e-15)
     np.testing.assert_allclose(points["displacement"][-1], whole["displacement"][33:], rtol=1e-9)
     work = points["crushing_work"].values

@@ -12,7 +12,7 @@ from matrix_files import as_npz, matrices_of
 from quick import hashes_of, quick
 from scenes import heavy_chain
 from studies import BLADE_SCENE, SCENE, parsed, refusal, solve_all, written
-from workflow import open_archive, plan_study, plots, run_study
+from workflow import plan_study, plots, run_study
 from workflow.archive import ArchiveError
 from workflow.cases import arrange, case_hashes
 from workflow.solve import _solve, solve
@@ -35,10 +35,9 @@ def watched(axes: dict[str, Any] | None = None, **output: Any) -> Study:
 
 @pytest.fixture(scope="module")
 def archive(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
-    place = tmp_path_factory.mktemp("sensors") / "sensors.nc"
     histories = ["displacement", "temperature", "contact_force"]
-    run_study(watched(histories=histories, events=50, steady={"samples": 20}), place)
-    return open_archive(place)
+    study = watched(histories=histories, events=50, steady={"samples": 20})
+    return run_study(study, tmp_path_factory.mktemp("sensors") / "sensors.nc").dataset
 
 
 def test_sensors_are_selected_by_name(archive: xr.Dataset) -> None:
@@ -157,19 +156,18 @@ TWO_MESHES = DEEP.split("zip")[0].replace("alpha: [0, 30]", "scene.chain.nodes: 
 
 def test_an_archive_holds_the_mean_over_the_depth_in_every_basis(tmp_path: Path) -> None:
     """The mean lies below the tip of a blade that is heated there, and schemes agree on it as on the tip."""
-    run_study(parsed(DEEP), tmp_path / "deep.nc")
-    with open_archive(tmp_path / "deep.nc") as archive:
-        assert (archive["status"] == 0).all()
-        assert archive["depth_temperature"].dims == archive["temperature"].dims
-        assert archive["max_depth_temperature"].dims == archive["max_temperature"].dims
-        assert archive["depth_temperature"].attrs["depth"] == archive["max_depth_temperature"].attrs["depth"] == 6e-3
-        hot = archive.sel(alpha=30)
-        assert (hot["depth_temperature"].max("t") <= hot["max_depth_temperature"] * (1 + 1e-12)).all()
-        assert (hot["max_depth_temperature"] < 0.9 * hot["max_temperature"]).all()
-        exact = hot.sel(scheme="event_driven")
-        for name in ("max_depth_temperature", "max_temperature"):
-            assert (np.abs(hot[name] / exact[name] - 1) < 0.1).all()
-        assert not archive.sel(alpha=0)["depth_temperature"].any()
+    archive = run_study(parsed(DEEP), tmp_path / "deep.nc").dataset
+    assert (archive["status"] == 0).all()
+    assert archive["depth_temperature"].dims == archive["temperature"].dims
+    assert archive["max_depth_temperature"].dims == archive["max_temperature"].dims
+    assert archive["depth_temperature"].attrs["depth"] == archive["max_depth_temperature"].attrs["depth"] == 6e-3
+    hot = archive.sel(alpha=30)
+    assert (hot["depth_temperature"].max("t") <= hot["max_depth_temperature"] * (1 + 1e-12)).all()
+    assert (hot["max_depth_temperature"] < 0.9 * hot["max_temperature"]).all()
+    exact = hot.sel(scheme="event_driven")
+    for name in ("max_depth_temperature", "max_temperature"):
+        assert (np.abs(hot[name] / exact[name] - 1) < 0.1).all()
+    assert not archive.sel(alpha=0)["depth_temperature"].any()
 
 
 @pytest.mark.parametrize(("nodes", "mean"), [(20, 254.182), pytest.param(320, 261.019, marks=pytest.mark.slow)])
