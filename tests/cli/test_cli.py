@@ -107,27 +107,19 @@ def test_every_command_names_a_reference_that_failed(tmp_path: Path) -> None:
     assert "reference: stopped at t = " in (tmp_path / "out.html").read_text(encoding="utf-8")
 
 
-def test_plan_runs_nothing(tmp_path: Path) -> None:
+def test_plan_runs_nothing_and_says_the_same_as_json(tmp_path: Path) -> None:
     study = written(SMALL, tmp_path)
-    done = workflow("plan", study, cwd=tmp_path)
-    assert done.returncode == 0
-    assert "60, of which 60 are computed" in done.stdout
-    assert "critical alpha" in done.stdout
-    assert "beware: moreau damps the first mode" in done.stdout
+    text, as_json = (workflow("plan", study, *words, cwd=tmp_path) for words in ((), ("--json",)))
+    assert (text.returncode, as_json.returncode) == (0, 0)
+    assert "60, of which 60 are computed" in text.stdout
+    assert "critical alpha" in text.stdout
+    assert "beware: moreau damps the first mode" in text.stdout
     assert list(tmp_path.iterdir()) == [study]
-
-
-def test_plan_as_json_holds_what_the_text_says(tmp_path: Path) -> None:
-    done = workflow("plan", written(SMALL, tmp_path), "--json", cwd=tmp_path)
-    assert done.returncode == 0
-    plan = json.loads(done.stdout)
-    assert (plan["cases"], plan["unique"]) == (60, 60)
-    assert plan["time"] == "seconds"
+    plan = json.loads(as_json.stdout)
+    assert (plan["cases"], plan["unique"], plan["time"], plan["archive"]) == (60, 60, "seconds", None)
     assert {value["origin"] for value in plan["scene"]} == {"study", "axis", "default"}
-    gap = next(value for value in plan["scene"] if value["path"] == "scene.casing.gap")
-    assert gap["unit"] == "m"
+    assert [value["unit"] for value in plan["scene"] if value["path"] == "scene.casing.gap"] == ["m"]
     assert any("damps the first mode" in warning for warning in plan["warnings"])
-    assert plan["archive"] is None
 
 
 def test_json_keeps_texts_whole_and_holds_nothing_that_a_terminal_obeys(capsys: pytest.CaptureFixture[str]) -> None:

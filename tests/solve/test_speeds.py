@@ -1,4 +1,4 @@
-"""Studies whose structure depends on the speed, or whose contacts have no mass: what can run runs, else it is said why."""
+"""Studies whose structure depends on the speed, or whose contacts have no mass: what runs, and why the rest does not."""
 
 from pathlib import Path
 from typing import Any
