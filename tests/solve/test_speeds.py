@@ -1,4 +1,4 @@
-"""Studies whose structure depends on the speed, or whose contacts have no mass: what runs, and why the rest does not."""
+"""Studies whose structure depends on the speed, or whose contacts have no mass: what runs, and why others do not."""
 
 from pathlib import Path
 from typing import Any
