@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.optimize import brentq
-from test_steady_rubs import TURN, light_heat
+from test_steady_rubs import TURN, light_heat, oscillator, with_numbers
 
 from scenes import cases, chain, of_entries
 from workflow.models import Cases, Rayleigh, Structure, critical_alpha, growth_rate
@@ -25,19 +25,6 @@ from workflow.orbits import (
 )
 
 Pair = Callable[[float, float], tuple[Structure, Cases]]
-
-
-def with_numbers(scene: Cases, **numbers: float) -> Cases:
-    """The scene of one contact with other numbers."""
-    for name, value in numbers.items():
-        if name == "gap":
-            scene = replace(scene, gaps=np.array([[value]]))
-        elif name == "frequency":
-            turning = replace(scene.load_harmonics, frequency=np.array([[value]]))
-            scene = replace(scene, load_harmonics=turning)
-        else:
-            scene = replace(scene, **{name: np.array([value])})
-    return scene
 
 
 def of_two(structure: Structure, scene: Cases, first: str, other: str) -> Pair:
@@ -68,11 +55,8 @@ def heated(frequency: float, **values: float) -> tuple[Structure, Cases]:
 def test_folds_doublings_and_grazings_of_one_mass_meet_where_the_fold_begins() -> None:
     """One impact a period adds v G to the free motion: (|H|)² = (d - v G)² + (v S/ω)² has a double root at the fold."""
     damping = 0.01
-    structure = chain(nodes=1, mass=1.0, stiffness=1.0, damping=Rayleigh(2 * damping, 0.0))
+    structure = oscillator(2 * damping)
     scene = cases(structure, e=0.5, gap=1.0, amplitude=1.0, frequency=1.0)
-
-    def problem(gap: float, omega: float) -> tuple[Structure, Cases]:
-        return structure, with_numbers(scene, gap=gap, frequency=omega / TURN)
 
     def grazing(omega: float) -> float:
         return 1 / abs(1 - omega**2 + 2j * damping * omega)
@@ -85,7 +69,7 @@ def test_folds_doublings_and_grazings_of_one_mass_meet_where_the_fold_begins() -
         return grazing(omega) * np.hypot(place, speed) / abs(speed)
 
     assert fold(1.6) == pytest.approx(1.340622087, abs=1e-9)
-    curves = found(problem, 0.2, 3.0, 1.6, 2.1)
+    curves = found(of_two(structure, scene, "gaps", "omega"), 0.2, 3.0, 1.6, 2.1)
     gap, omega, other, end = curve(curves, "fold")
     np.testing.assert_allclose(gap, [fold(each) for each in omega], rtol=0, atol=1e-10)
     assert (end, omega[0]) == ("grazing", 1.6)
@@ -102,14 +86,10 @@ def test_folds_doublings_and_grazings_of_one_mass_meet_where_the_fold_begins() -
 
 def test_grazing_of_a_damped_oscillator_over_amplitude_and_frequency() -> None:
     """A² = (1 - ω²)² + 0.01 ω²."""
-    structure = chain(nodes=1, mass=1.0, stiffness=1.0, damping=Rayleigh(0.1, 0.0))
+    structure = oscillator(0.1)
     scene = cases(structure, e=0.8, gap=1.0, amplitude=1.0, frequency=1.0, phase=np.pi / 2)
-
-    def problem(amplitude: float, omega: float) -> tuple[Structure, Cases]:
-        own = with_numbers(scene, frequency=omega / TURN)
-        return structure, replace(own, load_harmonics=own.load_harmonics.scaled(amplitude))
-
-    amplitude, omega, _, end = curve(found(problem, 0.05, 1.0, 1.0, 1.3), "grazing")
+    curves = found(of_two(structure, scene, "amplitude", "omega"), 0.05, 1.0, 1.0, 1.3)
+    amplitude, omega, _, end = curve(curves, "grazing")
     np.testing.assert_allclose(amplitude, np.sqrt((1 - omega**2) ** 2 + 0.01 * omega**2), rtol=0, atol=1e-10)
     assert end == "range"
 
@@ -117,7 +97,7 @@ def test_grazing_of_a_damped_oscillator_over_amplitude_and_frequency() -> None:
 def test_the_fold_of_a_heated_mass_passes_the_critical_coupling() -> None:
     structure, scene = heated(2500 / TURN, displacement=-0.0015, velocity=-0.36, temperature=225.0)
     assert critical_alpha(structure) == pytest.approx(31.25)
-    curves = found(of_two(structure, scene, "gap", "alpha"), 1.3e-3, 2.1e-3, 8.0, 33.0)
+    curves = found(of_two(structure, scene, "gaps", "alpha"), 1.3e-3, 2.1e-3, 8.0, 33.0)
     gap, alpha, other, end = curve(curves, "fold")
     assert [alpha[0], gap[0]] == pytest.approx([8.0, 1.647611482479e-3], rel=1e-9)
     assert [alpha[-1], gap[-1]] == pytest.approx([33.0, 1.959765457980e-3], rel=1e-9)
@@ -126,7 +106,7 @@ def test_the_fold_of_a_heated_mass_passes_the_critical_coupling() -> None:
 
 def test_a_fold_by_heat_alone_begins_at_grazing() -> None:
     structure, scene = heated(4200 / TURN, displacement=-1.6e-4, velocity=-0.15, temperature=107.8)
-    curves = found(of_two(structure, scene, "gap", "alpha"), 7e-5, 1.6e-4, 20.0, 0.0)
+    curves = found(of_two(structure, scene, "gaps", "alpha"), 7e-5, 1.6e-4, 20.0, 0.0)
     gap, alpha, _, end = curve(curves, "fold")
     assert [alpha[0], gap[0]] == pytest.approx([20.0, 1.441420391018e-4], rel=1e-9)
     assert [alpha[-1], gap[-1]] == pytest.approx([3.506377453501, 7.490822271906e-5], rel=1e-9)
@@ -143,7 +123,7 @@ def test_a_fold_by_heat_alone_begins_at_grazing() -> None:
 def test_a_curve_that_comes_back_is_stored_once(kind: str) -> None:
     """A compliance of 0.05 m/N of the casing, of the contact without mass, or of both."""
     if kind == "elastic":
-        structure = chain(nodes=1, mass=1.0, stiffness=1.0, damping=Rayleigh(0.04, 0.0)).on_casing(0.05)
+        structure = oscillator(0.04, 0.05)
     else:
         one = np.ones((1, 1))
         entries: dict[str, Any] = {"mass": one, "stiffness": one, "damping": 0.04 * one, "contact": one}
@@ -151,11 +131,7 @@ def test_a_curve_that_comes_back_is_stored_once(kind: str) -> None:
         structure = of_entries(entries).on_casing(0.0 if kind == "massless" else 0.02)
     start = {"displacement": -0.6218697579918219, "velocity": 0.8883123193561026}
     scene = cases(structure, mean=0.1, amplitude=1.0, frequency=0.1, phase=0.25, **start)
-
-    def problem(omega: float, gap: float) -> tuple[Structure, Cases]:
-        return structure, with_numbers(scene, frequency=omega / TURN, gap=gap)
-
-    curves = found(problem, 1.1, 0.85, 0.5, 0.9, 15)
+    curves = found(of_two(structure, scene, "omega", "gaps"), 1.1, 0.85, 0.5, 0.9, 15)
     omega, gap, other, end = curve(curves, "period_doubling")
     assert [omega[0], omega[-1]] == pytest.approx([1.003217668948, 0.904845650355], abs=1e-9)
     assert (gap[0], gap[-1], end) == (0.5, pytest.approx(0.5, abs=1e-12), "range")
@@ -165,14 +141,10 @@ def test_a_curve_that_comes_back_is_stored_once(kind: str) -> None:
 
 @pytest.mark.slow
 def test_folds_of_an_elastic_casing_pass_their_cusp() -> None:
-    structure = chain(nodes=1, mass=1.0, stiffness=1.0, damping=Rayleigh(0.04, 0.0)).on_casing(0.05)
+    structure = oscillator(0.04, 0.05)
     start = {"displacement": -2.4981210350381513, "velocity": 4.2020412256701025}
     scene = cases(structure, mean=0.1, amplitude=1.0, frequency=0.1, phase=0.25, **start)
-
-    def problem(omega: float, gap: float) -> tuple[Structure, Cases]:
-        return structure, with_numbers(scene, frequency=omega / TURN, gap=gap)
-
-    omega, gap, _, end = curve(found(problem, 1.35, 1.65, 1.2, 0.6), "fold")
+    omega, gap, _, end = curve(found(of_two(structure, scene, "omega", "gaps"), 1.35, 1.65, 1.2, 0.6), "fold")
     assert [omega[0], omega[-1]] == pytest.approx([1.609368218015, 1.380690273047], abs=1e-9)
     assert (gap[0], gap[-1], end) == (1.2, pytest.approx(1.2, abs=1e-12), "range")
     assert gap.min() > 0.676439870267
@@ -184,7 +156,7 @@ def test_a_torus_is_followed() -> None:
     structure = light_heat()
     scene, limit = cases(structure, gap=1e-3, mean=20.0, amplitude=1.0, frequency=0.7), critical_alpha(structure)
     flutter = brentq(lambda alpha: growth_rate(structure, alpha), 0.3 * limit, 0.5 * limit, xtol=1e-12)
-    curves = found(of_two(structure, scene, "alpha", "gap"), 0.3 * limit, 0.6 * limit, 1e-3, 2e-3, 5)
+    curves = found(of_two(structure, scene, "alpha", "gaps"), 0.3 * limit, 0.6 * limit, 1e-3, 2e-3, 5)
     alpha, gap, other, end = curve(curves, "torus")
     assert alpha == pytest.approx(flutter, rel=1e-9)
     assert (gap[0], gap[-1], end) == (1e-3, pytest.approx(2e-3), "range")
@@ -220,16 +192,16 @@ def test_the_boundary_of_one_contact_ends_where_another_strikes_at_once() -> Non
     np.testing.assert_allclose(first, 0.599992325, rtol=0, atol=1e-9)
     one = chain(nodes=1, mass=1.0, stiffness=5.3, damping=Rayleigh(0.02, 0.0))
     alone = cases(one, e=0.5, gap=0.06, amplitude=-1.0, frequency=1.8 / TURN)
-    followed = follow(lambda gap: (one, with_numbers(alone, gap=gap)), 0.06, float(second[-1]), Options(periods=1))
+    followed = follow(lambda gap: (one, with_numbers(alone, gaps=gap)), 0.06, float(second[-1]), Options(periods=1))
     motion = followed.trace[-1].point.orbit.motion
     phases = (motion.begin + motion.times) * 1.8 / TURN % 1
     assert np.abs(phases - 0.63096998).min() < 1e-6  # of the first mass at its fold
 
 
 def test_without_a_bifurcation_there_is_no_curve() -> None:
-    structure = chain(nodes=1, mass=1.0, stiffness=1.0, damping=Rayleigh(0.1, 0.0))
+    structure = oscillator(0.1)
     scene = cases(structure, e=0.8, gap=1.0, amplitude=0.1, frequency=2.0)
-    curves = found(of_two(structure, scene, "gap", "frequency"), 1.0, 2.0, 2.0, 3.0)
+    curves = found(of_two(structure, scene, "gaps", "frequency"), 1.0, 2.0, 2.0, 3.0)
     assert not curves.kind.any()
     assert not curves.end.any()
     assert np.isnan(curves.branched).all()
@@ -252,8 +224,8 @@ def test_what_is_not_followed_to_an_end_is_said(monkeypatch: pytest.MonkeyPatch)
 @pytest.mark.parametrize(
     ("frequency", "gap", "shifts"),
     [
-        (2500, 0.001647611482478861, {"gap": 0.0797663246, "e": -2.404591992697}),
-        (4200, 8.214583381235637e-5, {"gap": 0.3252737357}),
+        (2500, 0.001647611482478861, {"gaps": 0.0797663246, "e": -2.404591992697}),
+        (4200, 8.214583381235637e-5, {"gaps": 0.3252737357}),
     ],
 )
 def test_a_fold_moves_with_numbers_of_the_scene(frequency: float, gap: float, shifts: dict[str, float]) -> None:
@@ -262,7 +234,7 @@ def test_a_fold_moves_with_numbers_of_the_scene(frequency: float, gap: float, sh
     structure, scene = heated(frequency / TURN, gap=gap, **named)
     followed = follow(lambda alpha: (structure, with_numbers(scene, alpha=alpha)), 20.0, 0.0, Options(periods=1))
     values, _ = tabulate(followed, 12, Options(periods=1))
-    given = {"gap": (gap, 1e-6), "e": (0.4, 0.01)}
+    given = {"gaps": (gap, 1e-6), "e": (0.4, 0.01)}
     numbers = [Number(of_two(structure, scene, "alpha", name), *given[name]) for name in shifts]
     found_shifts = bifurcation_shifts(followed, 12, numbers)
     (fold,) = np.flatnonzero(values["bifurcation"] == BIFURCATIONS.index("fold"))
@@ -283,27 +255,24 @@ def test_a_doubling_close_to_the_end_of_a_range_is_marked(start: float) -> None:
     assert said == ["steady: 2 bifurcations leave few of the 3 points to the arms between them; ask for more", ""]
 
 
-def two_contacts(frequency: float, **start: list[float]) -> tuple[Structure, Cases]:
+def two_contacts(omega: float) -> tuple[Structure, Cases]:
     """Two equal masses with a contact each, driven against each other."""
+    start = {"displacement": [-0.24624493489465, -0.10312516560556738], "velocity": [0.8241482402055442, -0.83224753]}
     entries: dict[str, Any] = {"mass": np.eye(2), "contact": np.eye(2), "load": np.array([1.0, -1.0])}
     entries |= {"stiffness": np.array([[5.65, -1.45], [-1.45, 5.65]])}
     structure = of_entries(entries | {"damping": np.array([[0.18, -0.07], [-0.07, 0.18]])})
-    load = {"amplitude": 1.0, "frequency": frequency, "phase": 0.25}
+    load = {"amplitude": 1.0, "frequency": omega / TURN, "phase": 0.25}
     return structure, cases(structure, e=0.62, gaps=[0.3, 0.3], **load, **start)
 
 
 def test_a_symmetric_rub_that_loses_its_symmetry_is_no_fold() -> None:
     """Two equal contacts half a period apart: a multiplier is 1, the branch does not turn, and is not followed."""
-    start = {"displacement": [-0.24624493489465, -0.10312516560556738], "velocity": [0.8241482402055442, -0.83224753]}
-    structure, scene = two_contacts(2.8 / TURN, **start)
-
-    def problem(clearance: float) -> tuple[Structure, Cases]:
-        return structure, replace(scene, gaps=np.array([[0.3 + clearance, 0.3 + clearance]]))
-
-    values, _ = tabulate(follow(problem, 0.0, 0.1, Options(periods=1)), 12, Options(periods=1, samples=2))
+    structure, scene = two_contacts(2.8)
+    followed = follow(lambda gap: (structure, with_numbers(scene, gaps=gap)), 0.3, 0.4, Options(periods=1))
+    values, _ = tabulate(followed, 12, Options(periods=1, samples=2))
     (point,) = np.flatnonzero(values["bifurcation"])
     assert BIFURCATIONS[values["bifurcation"][point]] == "branch_point"
-    assert values["value"][point] == pytest.approx(0.026101578849, abs=2e-9)
+    assert values["value"][point] == pytest.approx(0.326101578849, abs=2e-9)
     assert values["floquet_multiplier"][point] == pytest.approx(1.0, abs=1e-7)
 
 
@@ -322,8 +291,7 @@ def test_a_symmetric_rub_that_loses_its_symmetry_is_no_fold() -> None:
 )
 def test_multipliers_of_two_contacts(omega: float, gap: float, kind: str, multipliers: list[complex]) -> None:
     """Both gaps vary, or the second one beside a first of 0.3."""
-    start = {"displacement": [-0.24624493489465, -0.10312516560556738], "velocity": [0.8241482402055442, -0.83224753]}
-    structure, scene = two_contacts(omega / TURN, **start)
+    structure, scene = two_contacts(omega)
 
     def problem(second: float) -> tuple[Structure, Cases]:
         return structure, replace(scene, gaps=np.array([[0.3 if kind == "fold" else second, second]]))
@@ -339,11 +307,10 @@ def test_multipliers_of_two_contacts(omega: float, gap: float, kind: str, multip
 
 
 def test_folds_of_two_contacts_with_unequal_gaps() -> None:
-    start = {"displacement": [-0.24624493489465, -0.10312516560556738], "velocity": [0.8241482402055442, -0.83224753]}
-    structure, scene = two_contacts(3.0 / TURN, **start)
+    structure, scene = two_contacts(3.0)
 
     def problem(gap: float, omega: float) -> tuple[Structure, Cases]:
-        return structure, replace(with_numbers(scene, frequency=omega / TURN), gaps=np.array([[0.3, gap]]))
+        return structure, replace(with_numbers(scene, omega=omega), gaps=np.array([[0.3, gap]]))
 
     curves = found(problem, 0.27, 0.33, 2.996961696241059, 3.072336825736888)
     kinds = curves.kind == BIFURCATIONS.index("fold")

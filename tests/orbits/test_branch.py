@@ -1,12 +1,11 @@
 """Branches of steady rubs: folds, period doublings and grazing where closed forms and publications put them."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy.optimize import brentq
-from test_steady_rubs import TURN, light_heat, oscillator, pressed
+from test_steady_rubs import TURN, light_heat, oscillator, pressed, with_numbers
 
 from scenes import blade, blade_rub, cases, chain
 from workflow.models import Cases, Rayleigh, Structure, critical_alpha, growth_rate
@@ -17,7 +16,7 @@ from workflow.reduction import reduce_structure
 
 def along(name: str, structure: Structure, batch: Cases) -> Problem:
     """Return a problem along one number of a case."""
-    return lambda value: (structure, replace(batch, **{name: np.full_like(getattr(batch, name), value)}))
+    return lambda value: (structure, with_numbers(batch, **{name: value}))
 
 
 def followed(problem: Problem, start: float, stop: float, points: int) -> dict[str, Any]:
@@ -58,12 +57,7 @@ def test_the_intermittent_rub_of_the_blade_runs_away_in_a_fold() -> None:
 def test_the_oscillator_of_shaw_and_holmes_doubles_its_period() -> None:
     structure = oscillator()
     scene = cases(structure, e=0.8, amplitude=1.0, frequency=2 / TURN, phase=np.pi / 2, displacement=-0.5)
-
-    def problem(omega: float) -> tuple[Structure, Cases]:
-        turning = replace(scene.load_harmonics, frequency=np.array([[omega / TURN]]))
-        return structure, replace(scene, load_harmonics=turning)
-
-    values = followed(problem, 2.0, 3.0, 40)
+    values = followed(along("omega", structure, scene), 2.0, 3.0, 40)
     (doubling,) = flagged(values, "period_doubling")
     assert values["value"][[0, -1]].tolist() == [2.0, 3.0]
     assert values["value"][doubling] == pytest.approx(2.653347727855, abs=1e-9)
@@ -82,11 +76,7 @@ def test_the_oscillator_of_recipes_for_continuation_grazes() -> None:
     """
     structure = oscillator(0.1)
     scene = cases(structure, e=0.8, gap=1.0, amplitude=1.0, frequency=1 / TURN, phase=np.pi / 2)
-
-    def problem(amplitude: float) -> tuple[Structure, Cases]:
-        return structure, replace(scene, load_harmonics=scene.load_harmonics.scaled(amplitude))
-
-    values = followed(problem, 1.0, 0.05, 12)
+    values = followed(along("amplitude", structure, scene), 1.0, 0.05, 12)
     (grazing,) = flagged(values, "grazing")
     assert values["value"][grazing] == pytest.approx(0.1, abs=1e-12)
     assert values["value"][-1] == pytest.approx(0.05)
@@ -119,7 +109,7 @@ def test_behind_a_grazing_a_branch_turns_back_to_a_rub_far_from_it() -> None:
 
 def test_an_elastic_casing_is_met_without_a_mark() -> None:
     """The free motion, whose largest x is |H| = 2.4, turns into the rub, and the rub into one of smaller gaps."""
-    structure = chain(nodes=1, mass=1.0, stiffness=1.0, damping=Rayleigh(0.04, 0.0)).on_casing(0.05)
+    structure = oscillator(0.04, 0.05)
     scene = cases(structure, gap=4.0, amplitude=1.0, frequency=1.19 / TURN)
     values = followed(along("gaps", structure, scene), 4.0, 0.5, 20)
     assert values["value"][-1] == pytest.approx(0.5)
@@ -130,7 +120,7 @@ def test_an_elastic_casing_is_met_without_a_mark() -> None:
 
 def test_where_a_branch_on_an_elastic_casing_is_lost_nothing_is_marked() -> None:
     """The load jumps, and the rub with it: that is no grazing, which such a rub passes."""
-    structure = chain(nodes=1, mass=1.0, stiffness=1.0, damping=Rayleigh(0.2, 0.0)).on_casing(0.05)
+    structure = oscillator(0.2, 0.05)
 
     def problem(gap: float) -> tuple[Structure, Cases]:
         amplitude = 1.0 if gap > 0.75 else 0.7
@@ -143,23 +133,17 @@ def test_where_a_branch_on_an_elastic_casing_is_lost_nothing_is_marked() -> None
 
 def test_a_branch_is_followed_back_from_the_end_of_its_range() -> None:
     """At its start the rub of one period is unstable, and no transient comes to it; places by a solver of 40 digits."""
-    structure = chain(nodes=1, mass=1.0, stiffness=1.0, damping=Rayleigh(0.04, 0.0)).on_casing(0.05)
+    structure = oscillator(0.04, 0.05)
     start = {"displacement": -0.6218697579918219, "velocity": 0.8883123193561026}
     scene = cases(structure, gap=0.5, mean=0.1, amplitude=1.0, frequency=0.1, phase=0.25, **start)
-
-    def problem(omega: float) -> tuple[Structure, Cases]:
-        return structure, replace(
-            scene, load_harmonics=replace(scene.load_harmonics, frequency=omega / np.array([[TURN]]))
-        )
-
-    values, _ = branch(problem, 0.95, 1.1, 12, Options(periods=1, samples=4))
+    values, _ = branch(along("omega", structure, scene), 0.95, 1.1, 12, Options(periods=1, samples=4))
     (doubling,) = flagged(values, "period_doubling")
     assert values["value"][[0, doubling, -1]] == pytest.approx([0.95, 1.003217668948, 1.1], abs=1e-9)
 
 
 def test_a_stiff_casing_is_passed_to_the_motion_without_contact() -> None:
     """Its branch turns where the free motion, whose largest x is |H|, grazes, but for the square of the flexibility."""
-    structure = chain(nodes=1, mass=1.0, stiffness=1.0, damping=Rayleigh(0.2, 0.0)).on_casing(1e-3)
+    structure = oscillator(0.2, 1e-3)
     free = 1 / abs(1 - 1.2**2 + 0.2j * 1.2)
     scene = cases(structure, gap=4.0, amplitude=1.0, frequency=1.2 / TURN)
     values = followed(along("gaps", structure, scene), 0.3 * free, 3 * free, 30)

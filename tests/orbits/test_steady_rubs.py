@@ -1,5 +1,6 @@
 """Steady rubs against closed forms, published orbits and long transients."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -20,8 +21,18 @@ def rub(structure: Structure, batch: Cases, **options: int) -> dict[str, Any]:
     return numbers | {"state": STATES[numbers["steady_state"]], "message": message}
 
 
-def oscillator(damping: float = 0.0) -> Structure:
-    return chain(nodes=1, mass=1.0, stiffness=1.0, damping=Rayleigh(damping, 0.0))
+def oscillator(damping: float = 0.0, flexibility: float = 0.0) -> Structure:
+    own = chain(nodes=1, mass=1.0, stiffness=1.0, damping=Rayleigh(damping, 0.0))
+    return own.on_casing(flexibility) if flexibility else own
+
+
+def with_numbers(scene: Cases, **numbers: float) -> Cases:
+    """The scene with other numbers of all its contacts or of its load, whose frequency may be ``omega``, rad/s."""
+    if "omega" in numbers:
+        numbers["frequency"] = numbers.pop("omega") / TURN
+    load = {name: np.array([[numbers.pop(name)]]) for name in ("amplitude", "frequency") if name in numbers}
+    own = {name: np.full_like(getattr(scene, name), value) for name, value in numbers.items()}
+    return replace(scene, load_harmonics=replace(scene.load_harmonics, **load), **own)
 
 
 def test_the_blade_settles_above_its_critical_coupling() -> None:
