@@ -40,7 +40,7 @@ SCENE: dict[str, Any] = {
     "duration": 0.04,
 }
 OUTPUT = {"interval": 5e-4, "histories": ["displacement", "velocity", "temperature", "impulse", "contact_force"]}
-AXES = {"scheme": "plain_contacts", "h": 1e-4}
+AXES = {"scheme": "moreau", "h": 1e-4}
 
 
 def study(place: Path, entries: dict[str, Any] | None = None, **more: Any) -> dict[str, Any]:

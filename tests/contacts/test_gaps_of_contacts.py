@@ -118,7 +118,7 @@ def test_opposite_stops_are_kept_apart_by_either_gap(tmp_path: Path) -> None:
 
 
 def test_an_archive_has_it_in_metres_and_each_gap_along_it(tmp_path: Path) -> None:
-    given = read(tmp_path, {"scheme": "plain_contacts", END: [5.5e-5, 7e-5]})
+    given = read(tmp_path, {END: [5.5e-5, 7e-5]})
     run_study(given, tmp_path / "a.nc", threads=1)
     with open_archive(tmp_path / "a.nc") as opened:
         archive = opened.load()
