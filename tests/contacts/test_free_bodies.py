@@ -1,14 +1,12 @@
-"""Rigid motions that a closed set does not touch, soft bodies, equal blades: right, or not separated at all."""
+"""Rigid motions that a closed set does not touch, soft bodies, equal blades."""
 
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
-import scipy.linalg
 
 from scenes import cases_of_file, of_entries, sampling, step
-from workflow import poles
 from workflow.models import Array, Cases, ContactBasis, Structure, analyse_contacts, contact_system
 from workflow.poles import propagated_error, real_blocks
 from workflow.schemes import Sampling
@@ -81,53 +79,6 @@ def test_nothing_depends_on_the_place_of_a_rigid_motion_that_a_set_does_not_touc
     blocks = real_blocks(system.A, 0.1)
     assert np.sum(blocks.stiffness == 0) == count
     assert propagated_error(system.A, blocks, 0.1) < 1e-12
-
-
-def repeated_poles(apart: float) -> list[Array]:
-    one, found = -np.diag(1 + apart * np.arange(4)) + np.diag([1.0, 0.0, 0.0], 1), []
-    for seed in range(10):
-        basis = np.random.default_rng(seed).normal(size=(4, 4))
-        found.append(1e3 * basis @ one @ np.linalg.inv(basis))
-    return found
-
-
-def system_of(basis: ContactBasis, closed: list[bool], alpha: float) -> Array:
-    system = contact_system(basis, np.array(closed), alpha, 0.0)
-    assert system is not None
-    return system.A
-
-
-@pytest.mark.parametrize("apart", [0.0, 1e-12])
-def test_a_propagated_state_shows_a_wrong_separation(apart: float) -> None:
-    """By eigenvectors alone poles that repeat are separated wrongly; those that pass have the exponential."""
-    T, wrong = 2e-3, 0
-    for A in repeated_poles(apart):
-        try:
-            blocks = poles._beside_rigid_motions(A, poles._by_eigenvectors)
-        except np.linalg.LinAlgError:
-            continue
-        if poles.propagated_error(A, blocks, T) > 1e-7:
-            wrong += 1
-            continue
-        moved = scipy.linalg.expm(A * T)
-        c, w2, n = blocks.damping, blocks.stiffness, blocks.damping.size
-        still = np.zeros(A.shape)
-        still[:n, n : 2 * n], still[n : 2 * n, :n] = np.eye(n), -np.diag(w2)
-        still[n : 2 * n, n : 2 * n], still[2 * n :, 2 * n :] = -np.diag(c), -np.diag(blocks.rate)
-        ours = blocks.outward @ scipy.linalg.expm(still * T) @ blocks.inward
-        assert ours == pytest.approx(moved, abs=1e-6 * np.abs(moved).max())
-    assert wrong
-
-
-def test_equal_blades_are_separated_apart() -> None:
-    """Each by itself, with no link of rounding, at every α: the blocks of one blade are those of the other."""
-    basis = basis_of(blades())
-    for alpha in np.linspace(1, 30, 20):
-        A = system_of(basis, [True, True], alpha)
-        assert len(poles._parts(A)[3]) == 2
-        blocks = real_blocks(A, 0.1)
-        assert blocks.stiffness[::2] == pytest.approx(blocks.stiffness[1::2], rel=1e-11)
-        assert propagated_error(A, blocks, 0.1) < 1e-11
 
 
 def test_equal_blades_warm_as_one_alone() -> None:

@@ -165,11 +165,6 @@ def test_it_is_left_out_with_other_versions(monkeypatch: pytest.MonkeyPatch) -> 
         assert chosen() is (whole_program if used else None)
 
 
-def test_a_variable_of_the_environment_leaves_it_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(compiled.PLAIN, "1")
-    assert compiled._whole_program.__wrapped__() is None
-
-
 def second(rows: Array) -> float:
     return rows[1]
 

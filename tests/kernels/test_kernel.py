@@ -1,6 +1,5 @@
 """Compiled kernels: found again by the next process, compiled anew after a change of what their module imports."""
 
-import ast
 import math
 import os
 import shutil
@@ -13,7 +12,6 @@ from typing import NamedTuple
 import pytest
 
 import workflow
-from workflow.kernels import compiled
 
 RUN = """
 import sys
@@ -101,27 +99,6 @@ def test_a_change_in_what_is_not_imported_compiles_nothing_anew(ran: tuple[Path,
     for module in ("cli/__init__", "kernels/algebra", "schemes/_fixed/march"):
         edit(copied, module, '"""', '"""Another word.\n\n')
     assert run(copied) == first._replace(hits=1)
-
-
-def test_imports_are_those_of_the_syntax_tree() -> None:
-    for module, source in compiled._SOURCES.items():
-        found: set[str] = set()
-        for node in ast.walk(ast.parse(source)):
-            if isinstance(node, ast.Import):
-                found |= {name.name for name in node.names}
-            elif isinstance(node, ast.ImportFrom):
-                assert node.level == 0
-                found |= {str(node.module), *(f"{node.module}.{name.name}" for name in node.names)}
-        assert found & compiled._SOURCES.keys() == compiled._imported(module), module
-
-
-def test_kernels_of_one_scheme_are_no_matter_of_another() -> None:
-    exact, stepped = (
-        compiled._closure("workflow.schemes._exact.event_loop"),
-        compiled._closure("workflow.schemes._fixed.newton"),
-    )
-    assert "workflow.schemes._exact.expansion" in exact - stepped
-    assert "workflow.schemes._fixed.march" in stepped - exact
 
 
 def test_a_change_in_a_module_from_outside_is_noticed(copied: Path) -> None:

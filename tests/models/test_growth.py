@@ -122,16 +122,6 @@ def test_bits_of_a_case_do_not_depend_on_the_others(kind: str) -> None:
         assert (alone.rate[0], alone.uncertainty[0]) == (together.rate[k], together.uncertainty[k])
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("alpha", "rate"),
-    [(0.0, -0.0152162027129), (30.0, 0.0069057596171550), (2000.0, 1.00813994579), (1e6, 113462.166558176)],
-)
-def test_four_hundred_nodes(alpha: float, rate: float) -> None:
-    """Of the nodal system's 1198 eigenvalues at α = 2000 the largest real part is 1.0081."""
-    assert growth_rate(heavy_chain(nodes=400), alpha) == pytest.approx(rate, rel=1e-9)
-
-
 @pytest.mark.parametrize("decades", [6, 12])
 def test_critical_coupling_of_graded_chains(decades: int) -> None:
     """α_c = Σ 1/k / β with β = Σ a ℓ_i (θ_{i-1} + θ_i)/2 at unit heat, in exact fractions."""

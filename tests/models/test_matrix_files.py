@@ -15,7 +15,6 @@ from workflow.declare import File
 from workflow.models import Structure, UnusableMatricesError, load, write_matrices
 from workflow.models._matrix_entries import in_si
 
-CALCULIX = Path(__file__).parent / "calculix"
 CHAIN = heavy_chain(nodes=5)
 ENTRIES = matrices_of(CHAIN)
 E00 = np.diag([1.0, 0, 0, 0, 0])
@@ -31,13 +30,6 @@ def test_every_kind_of_file_gives_the_same_structure(write: Callable[..., Path],
     for name, matrix in ENTRIES.items():
         attribute = {"mass": "mass", "heat_capacity": "heat_capacity"}.get(name, f"{name}_matrix")
         assert np.abs(getattr(structure, attribute) - matrix).max() <= 1e-14 * np.abs(matrix).max(), name
-
-
-@pytest.mark.parametrize(("elements", "condensed"), [("c3d8", 0), ("c3d8i", 18)])
-def test_motions_of_calculix_without_mass_are_condensed(elements: str, condensed: int) -> None:
-    """Six of the nine incompatible modes of each of three elements; its frequencies are in TRUTH.md."""
-    structure = assembled(CALCULIX / f"{elements}.sti", contact="16.3", units="mm-t-s")
-    assert structure.coordinates.condensed[0] == condensed
 
 
 def test_units_of_a_file() -> None:

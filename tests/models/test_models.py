@@ -99,12 +99,6 @@ def test_a_tip_pressed_far_beyond_its_free_place_keeps_its_digits() -> None:
         assert x[-1] == gap
 
 
-def test_models_are_the_files_of_their_directory() -> None:
-    assert models.names() == ("blade", "chain", "matrices", "modes")
-    with pytest.raises(KeyError):
-        models.load("_structure")
-
-
 @pytest.mark.parametrize("nodes", range(2, 13))
 @pytest.mark.parametrize("heating", [0.0, 1.0])
 def test_a_free_body_that_only_touches_is_at_rest(nodes: int, heating: float) -> None:

@@ -8,7 +8,8 @@ import pytest
 import scipy.linalg
 from numpy.typing import NDArray
 
-from workflow.poles import real_blocks, relative_residual
+from workflow import poles
+from workflow.poles import RealBlocks, real_blocks, relative_residual
 
 Array = NDArray[np.float64]
 
@@ -57,6 +58,14 @@ CLUSTERS: dict[str, list[tuple[complex, int]]] = {
 """Poles, each with the number of times that it has one eigenvector."""
 
 
+def exponential(blocks: RealBlocks, t: float) -> Array:
+    """Return exp(A t) by the blocks of A."""
+    n, still = blocks.damping.size, np.zeros(blocks.inward.shape)
+    still[:n, n : 2 * n], still[n : 2 * n, :n] = np.eye(n), -np.diag(blocks.stiffness)
+    still[n : 2 * n, n : 2 * n], still[2 * n :, 2 * n :] = -np.diag(blocks.damping), -np.diag(blocks.rate)
+    return np.asarray(blocks.outward @ scipy.linalg.expm(still * t) @ blocks.inward)
+
+
 @pytest.mark.parametrize("apart", [0.0, 1e-15, 1e-13, 1e-11, 1e-6, 1e-4, 1e-2])
 @pytest.mark.parametrize("name", CLUSTERS)
 def test_clusters_of_poles_have_the_exponential_of_the_matrix(name: str, apart: float) -> None:
@@ -67,13 +76,27 @@ def test_clusters_of_poles_have_the_exponential_of_the_matrix(name: str, apart: 
         form = scipy.linalg.block_diag(*parts)
         basis = np.linalg.qr(rng.normal(size=form.shape))[0] + 0.2 * rng.normal(size=form.shape)
         A = 10.0 ** rng.integers(-3, 6) * basis @ form @ np.linalg.inv(basis)
-        blocks, still = real_blocks(A), np.zeros((len(A), len(A)))
-        n, t = blocks.damping.size, 2.0 / np.abs(np.linalg.eigvals(A)).max()
-        still[:n, n : 2 * n] = np.eye(n)
-        still[n : 2 * n, :n], still[n : 2 * n, n : 2 * n] = -np.diag(blocks.stiffness), -np.diag(blocks.damping)
-        still[2 * n :, 2 * n :] = -np.diag(blocks.rate)
-        exact = scipy.linalg.expm(A * t)
-        assert np.abs(blocks.outward @ scipy.linalg.expm(still * t) @ blocks.inward - exact).max() < 1e-7
+        t = 2.0 / np.abs(np.linalg.eigvals(A)).max()
+        assert np.abs(exponential(real_blocks(A), t) - scipy.linalg.expm(A * t)).max() < 1e-7
+
+
+@pytest.mark.parametrize("apart", [0.0, 1e-12])
+def test_a_propagated_state_shows_a_wrong_separation(apart: float) -> None:
+    """By eigenvectors alone poles that repeat are separated wrongly; those that pass have the exponential."""
+    T, wrong, form = 2e-3, 0, -np.diag(1 + apart * np.arange(4)) + np.diag([1.0, 0.0, 0.0], 1)
+    for seed in range(10):
+        basis = np.random.default_rng(seed).normal(size=(4, 4))
+        A = 1e3 * basis @ form @ np.linalg.inv(basis)
+        try:
+            blocks = poles._beside_rigid_motions(A, poles._by_eigenvectors)
+        except np.linalg.LinAlgError:
+            continue
+        if poles.propagated_error(A, blocks, T) > 1e-7:
+            wrong += 1
+            continue
+        moved = scipy.linalg.expm(A * T)
+        assert exponential(blocks, T) == pytest.approx(moved, abs=1e-6 * np.abs(moved).max())
+    assert wrong
 
 
 def poles_of(A: Array) -> NDArray[np.complex128]:
@@ -92,8 +115,8 @@ def test_a_slow_pole_beside_fast_ones_has_its_own_accuracy() -> None:
         exact = np.array([complex(s) for s in mpmath.eig(mpmath.matrix(A.tolist()), left=False, right=False)])
     for order in permutations(range(5)):  # which coordinate comes first is no matter
         B = A[np.ix_(order, order)]
-        poles, blocks = poles_of(B), real_blocks(B)
-        assert (np.abs(poles[:, None] - exact).min(1) / np.abs(poles)).max() < 1e-14
+        found, blocks = poles_of(B), real_blocks(B)
+        assert (np.abs(found[:, None] - exact).min(1) / np.abs(found)).max() < 1e-14
         rate, right, left = blocks.rate[0], blocks.outward[:, -1], blocks.inward[-1]
         assert np.all(np.abs(B @ right + rate * right) < 1e-13 * (np.abs(B) @ np.abs(right)))
         assert np.all(np.abs(left @ B + rate * left) < 1e-13 * (np.abs(left) @ np.abs(B)))

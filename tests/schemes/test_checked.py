@@ -65,12 +65,6 @@ def test_an_impossible_value_fails_its_case_alone(spoil: Callable[[Results], Res
         assert np.array_equal(judged.metrics[name][[0, 2]], sound.metrics[name][[0, 2]])
 
 
-def test_nan_is_allowed_where_a_case_has_no_load_period() -> None:
-    results = step(heavy_chain(), batch(), 1e-5, OVER)
-    assert np.isnan(results.period_impulse[2]).all()
-    assert checked(results, batch(), OVER).status.tolist() == [Status.OK] * 3
-
-
 def test_a_case_that_ends_without_a_message_fails() -> None:
     results = step(heavy_chain(), batch(), 1e-5, OVER)
     status = np.array([Status.OK, Status.OK, Status.DIVERGED], dtype=np.int8)
