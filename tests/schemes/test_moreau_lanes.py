@@ -8,11 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from plain_steps import march
-from scenes import alone, cases, chain, heavy_chain, rubs, same_bits, sampling, step, taken
+from scenes import alone, heavy_chain, rubs, same_bits, sampling, step, taken
 from workflow.kernels.lanes import LANES, PACK
 from workflow.kernels.pack_operations import BROAD
-from workflow.models import Rayleigh
 from workflow.schemes import Sampling, schedule
 
 COUNTS = [1, 2, PACK - 1, PACK, PACK + 1, BROAD + PACK, LANES - BROAD, LANES - 1, LANES + 1, 2 * LANES + PACK]
@@ -27,26 +25,6 @@ def test_any_number_of_cases(count: int) -> None:
     results = step(structure, batch.take(slice(0, count)), 1e-4, over)
     for case in {0, count // 2, count - 1}:
         assert same_bits(step(structure, alone(batch, case), 1e-4, over), taken(results, slice(case, case + 1)))
-
-
-@pytest.mark.parametrize("link", [0.0, 1e-20, 1e-9])
-def test_heat_that_hardly_reaches_the_tip(link: float) -> None:
-    """Thermal modes with no or next to no share in the tip's temperature still move the tip."""
-    structure = chain(
-        nodes=5,
-        mass=1.0,
-        stiffness=4.0,
-        damping=Rayleigh(0.1, 0.01),
-        spacing=1.0,
-        expansion=0.05,
-        conductance=[0.7, 0.7, 0.7, 0.7, link],
-    )
-    batch = cases(structure, e=0.5, alpha=0.3, gap=0.2, amplitude=2.0, frequency=0.1, temperature=[[1, 2, 3, 2, 0]])
-    plain = march(structure, batch, 0.05, 0.7, 200)
-    results = step(structure, batch, 0.05, sampling(10.0, 0.05), theta=0.7)
-    assert plain.impulse.sum() > 0
-    for name, expected in (("displacement", plain.displacement), ("temperature", plain.temperature)):
-        assert np.abs(results.histories[name][0] - expected[:, -1]).max() < 1e-10
 
 
 def test_threads_share_nothing() -> None:

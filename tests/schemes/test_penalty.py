@@ -12,21 +12,6 @@ from workflow.reduction import reduce_structure
 from workflow.schemes import penalty
 
 
-@pytest.mark.parametrize("count", [1, 11])
-def test_without_weight_at_the_end_of_the_step_contact_begins_all_the_same(count: int) -> None:
-    """θ = 0: the first force of a contact takes no impulse in its own step."""
-    structure, h = chain(nodes=1, mass=1.0, stiffness=0.0), 1e-3
-    batch = cases(structure, count, gap=0.01, velocity=1.0)
-    path = march(structure, batch, h, 0.0, 60, spring(h, 0.0, 1e4))
-    assert np.sum(path.impulse > 0) > 20
-    options = {"stiffness": 1e4, "integration": "implicit", "theta": 0.0}
-    results = step(structure, batch, h, sampling(60 * h, h), "penalty", **options)
-    impulse = np.cumsum(path.impulse)
-    for case in (0, count - 1):
-        assert np.abs(results.histories["impulse"][case] - impulse).max() < 1e-12 * impulse[-1]
-        assert np.abs(results.histories["displacement"][case] - path.displacement[:, 0]).max() < 1e-12
-
-
 def test_where_neither_branch_is_consistent_the_tip_stays_on_the_casing() -> None:
     """A strong damper throws the tip out of the casing within the step in which it came in."""
     structure = chain(nodes=1, mass=1.0, stiffness=0.0)
