@@ -292,19 +292,29 @@ def with_dashpot(structure: Structure, first: int, second: int | None, strength:
     return replace(structure.matrices(), damper=strength * np.outer(along, along))
 
 
-def held_matrix(s: Structure, alpha: float, friction: float = 0.0) -> np.ndarray:
-    """Return A of [x, v, θ]' = A [x, v, θ] with the tip held and λ eliminated, in the other coordinates."""
-    n, heats = s.mechanical_size, s.thermal_size
-    normal = np.eye(n)[-1]
-    direction = normal - friction * s.contacts.tangent[0]
-    solve = np.linalg.inv(np.column_stack([s.mass[:, :-1], direction]))  # of [a_i, λ]
-    answer = -solve @ np.hstack([s.stiffness_matrix[:, :-1], s.damping_matrix[:, :-1], s.coupling_matrix])
-    A = np.zeros((2 * n - 2 + heats,) * 2)
-    A[: n - 1, n - 1 : 2 * n - 2] = np.eye(n - 1)
-    A[n - 1 : 2 * n - 2] = answer[:-1]
-    A[2 * n - 2 :, 2 * n - 2 :] = -np.linalg.solve(s.heat_capacity, s.conductance_matrix)
-    A[2 * n - 2 :] += alpha * np.outer(np.linalg.inv(s.heat_capacity)[:, -1], answer[-1])
-    return A
+def poles_in_contact(structure: Structure, closed: Any, alpha: float, friction: float = 0.0) -> np.ndarray:
+    """Eigenvalues with contacts closed: x = Z q on the null space of w, or forces (R - µ R^t + c)⁻¹ (w x - r θ)."""
+    c, n, heats = structure.contacts, structure.mechanical_size, structure.thermal_size
+    inverse = np.linalg.inv(structure.mass)
+    push = -inverse @ np.hstack([structure.stiffness_matrix, structure.damping_matrix, structure.coupling_matrix])
+    W, onto = c.normal[closed], (c.normal - friction * c.tangent)[closed].T
+    if c.is_compliant:
+        basis = np.eye(n)
+        bends = np.zeros((c.count, heats)) if c.residual_coupling is None else c.residual_coupling
+        depth = np.hstack([W, np.zeros((len(W), n)), -bends[closed]])
+        force = np.linalg.solve(c.compliance(friction)[np.ix_(closed, closed)], depth)
+    else:
+        basis = np.linalg.svd(W)[2][len(W) :].T
+        force = np.linalg.solve(W @ inverse @ onto, W @ push)
+    free, m = push - inverse @ onto @ force, basis.shape[1]
+    into = np.zeros((2 * n + heats, 2 * m + heats))
+    into[:n, :m], into[n : 2 * n, m : 2 * m], into[2 * n :, 2 * m :] = basis, basis, np.eye(heats)
+    A = np.zeros((2 * m + heats, 2 * m + heats))
+    A[:m, m : 2 * m], A[m : 2 * m] = np.eye(m), basis.T @ free @ into
+    still = np.linalg.inv(structure.heat_capacity)
+    A[2 * m :] = alpha * still @ c.heat[closed].T @ force @ into
+    A[2 * m :, 2 * m :] -= still @ structure.conductance_matrix
+    return np.linalg.eigvals(A)
 
 
 def alone(batch: Cases, case: int) -> Cases:

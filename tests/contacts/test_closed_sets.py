@@ -8,11 +8,10 @@ import pytest
 from random_contacts import drawn
 from scenes_of_contacts import chain, study
 
-from scenes import of_entries
+from scenes import of_entries, poles_in_contact
 from workflow import labels, run_study
 from workflow.analysis import runaways
 from workflow.models import (
-    Structure,
     analyse_contacts,
     closed_sets,
     critical_alpha,
@@ -50,31 +49,6 @@ def plate() -> dict[str, Any]:
     }
 
 
-def poles(structure: Structure, closed: np.ndarray, alpha: float, friction: float) -> np.ndarray:
-    """Eigenvalues with contacts closed: x = Z q on the null space of w, or forces (R - µ R^t + c)⁻¹ (w x - r θ)."""
-    c, n, heats = structure.contacts, structure.mechanical_size, structure.thermal_size
-    inverse = np.linalg.inv(structure.mass)
-    push = -inverse @ np.hstack([structure.stiffness_matrix, structure.damping_matrix, structure.coupling_matrix])
-    W, onto = c.normal[closed], (c.normal - friction * c.tangent)[closed].T
-    if c.is_compliant:
-        basis = np.eye(n)
-        bends = np.zeros((c.count, heats)) if c.residual_coupling is None else c.residual_coupling
-        depth = np.hstack([W, np.zeros((len(W), n)), -bends[closed]])
-        force = np.linalg.solve(c.compliance(friction)[np.ix_(closed, closed)], depth)
-    else:
-        basis = np.linalg.svd(W)[2][len(W) :].T
-        force = np.linalg.solve(W @ inverse @ onto, W @ push)
-    free, m = push - inverse @ onto @ force, basis.shape[1]
-    into = np.zeros((2 * n + heats, 2 * m + heats))
-    into[:n, :m], into[n : 2 * n, m : 2 * m], into[2 * n :, 2 * m :] = basis, basis, np.eye(heats)
-    A = np.zeros((2 * m + heats, 2 * m + heats))
-    A[:m, m : 2 * m], A[m : 2 * m] = np.eye(m), basis.T @ free @ into
-    still = np.linalg.inv(structure.heat_capacity)
-    A[2 * m :] = alpha * still @ c.heat[closed].T @ force @ into
-    A[2 * m :, 2 * m :] -= still @ structure.conductance_matrix
-    return np.linalg.eigvals(A)
-
-
 @pytest.mark.parametrize("massless", [False, True])
 @pytest.mark.parametrize("seed", [0, 2, 3, 4, 8])
 def test_growth_of_random_sets_is_that_of_their_matrices(seed: int, massless: bool) -> None:
@@ -84,7 +58,7 @@ def test_growth_of_random_sets_is_that_of_their_matrices(seed: int, massless: bo
     assert len(sets) == structure.contacts.count + (structure.contacts.count > 1)
     for name, closed in sets.items():
         for k in range(alpha.size):
-            values = poles(structure, closed, alpha[k], friction[k])
+            values = poles_in_contact(structure, closed, alpha[k], friction[k])
             worst = values[np.argmax(values.real)]
             near = {"rel": 1e-8, "abs": 1e-11 * np.abs(values).max()}
             assert found[name].rate[k] == pytest.approx(worst.real, **near)
@@ -100,7 +74,7 @@ def test_a_set_has_a_real_pole_at_zero_at_its_critical_coupling(seed: int, massl
     limits = critical_alphas(structure, friction)
     for name, closed in closed_sets(structure.contacts).items():
         if 0 < limits[name] < np.inf:
-            at, before = (poles(structure, closed, share * limits[name], friction) for share in (1.0, 0.9))
+            at, before = (poles_in_contact(structure, closed, share * limits[name], friction) for share in (1.0, 0.9))
             assert np.abs(at).min() < 1e-9 * np.abs(at).max() < 1e-3 * np.abs(before).min() * 1e9
     assert critical_alpha(structure, friction) == min(limits.values())
 
@@ -116,7 +90,7 @@ def test_a_body_that_one_contact_does_not_hold_runs_away_by_none_alone() -> None
     assert [limits["a",], limits["b",]] == [np.inf, np.inf]
     both = np.array([1e-4, 1e-4])  # the springs of 1e4 N/m in line, squeezed from both ends by one force
     assert limits["a", "b"] == pytest.approx(both.sum() / 2e-3, rel=1e-9)
-    at = np.abs(poles(structure, np.array([0, 1]), limits["a", "b"], 0.0))
+    at = np.abs(poles_in_contact(structure, [0, 1], limits["a", "b"], 0.0))
     assert at.min() < 1e-12 * at.max()
 
 
@@ -217,7 +191,7 @@ def test_the_worst_set_is_named(corner: Outcome) -> None:
     assert at["critical_set"].values.tolist() == ["leading edge alone"] * 3
     assert at["growth_set"].values.tolist() == ["leading edge alone"] * 3
     structure = of_entries(plate())
-    rates = [poles(structure, np.array([0]), alpha, 0.0).real.max() for alpha in (0.4, 0.6, 0.9)]
+    rates = [poles_in_contact(structure, [0], alpha, 0.0).real.max() for alpha in (0.4, 0.6, 0.9)]
     assert at["growth_rate"].values == pytest.approx(rates, rel=1e-9)
     assert labels(archive["runaway"]).values.ravel().tolist() == ["bounded", "runaway", "runaway"]
     assert runaways(archive) == (2, 0, "leading edge alone: 0.5", "")
@@ -255,7 +229,7 @@ def test_friction_alone_makes_a_runaway_that_plan_calls_flutter(contacts: int, t
     scene = {"casing": {"gap": gap}, "speed": 0.0, "duration": 0.02, "friction": friction}
     scene["load"] = {"mean": 1.0}
     given = study(tmp_path, entries, scene=scene, axes=EXACT)
-    values = poles(of_entries(entries), np.array([0]), 0.0, 0.3)
+    values = poles_in_contact(of_entries(entries), [0], 0.0, 0.3)
     worst = values[np.argmax(values.real)]
     assert worst.real > 1
     (line,) = [line for line in plan_study(given).warnings if "flutter" in line]
