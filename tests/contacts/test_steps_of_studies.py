@@ -90,17 +90,17 @@ def test_a_step_that_grows_freely_is_told_with_the_largest_that_does_not(
     assert said in ends[1].messages[0]
 
 
-@pytest.mark.parametrize("method", CENTRAL)
-def test_central_differences_refuse_contacts_without_mass(method: str) -> None:
+@pytest.mark.parametrize(
+    ("method", "options", "said"),
+    [
+        *((method, {}, "moreau") for method in CENTRAL),
+        ("penalty", {"integration": "implicit", "theta": 0.0}, "`theta` above 0"),  # without a force at the end
+    ],
+)
+def test_contacts_without_mass_are_refused(method: str, options: dict[str, Any], said: str) -> None:
     structure = two_masses(residual_flexibility=1e-6 * np.eye(2))
-    with pytest.raises(RefusedStructureError, match=r"without mass.*moreau"):
-        step(structure, pressed(structure), 1e-3, sampling(0.1, 1e-2), method)
-
-
-def test_a_spring_without_a_force_at_the_end_refuses_contacts_without_mass() -> None:
-    structure = two_masses(residual_flexibility=1e-6 * np.eye(2))
-    with pytest.raises(RefusedStructureError, match=r"without mass.*`theta` above 0"):
-        step(structure, pressed(structure), 1e-3, sampling(0.1, 1e-2), "penalty", integration="implicit", theta=0.0)
+    with pytest.raises(RefusedStructureError, match=rf"without mass.*{said}"):
+        step(structure, pressed(structure), 1e-3, sampling(0.1, 1e-2), method, **options)
 
 
 def test_schemes_that_do_not_say_so_refuse_contacts_without_mass() -> None:

@@ -250,20 +250,6 @@ def test_a_chord_of_five_contacts_without_mass() -> None:
     np.testing.assert_allclose(found["steady_mean_temperature"], mean, rtol=1e-9)
 
 
-def test_a_casing_that_stiffens_tends_to_a_rigid_one() -> None:
-    """Of a contact without mass at first order of its flexibility."""
-    entries = {"residual_flexibility": np.array([[0.2]])}
-    rigid = oscillators(1, **entries)
-
-    def impulse(flexibility: float) -> float:
-        structure = rigid.on_casing(flexibility) if flexibility else rigid
-        return float(rub(structure, cases_of_file(structure, gaps=np.ones(1), **LOAD))["steady_impulse"])
-
-    errors = np.array([impulse(c) for c in (1e-3, 1e-4)]) - impulse(0.0)
-    assert abs(errors[0]) > 1e-6
-    assert np.log10(errors[0] / errors[1]) == pytest.approx(1.0, abs=0.02)
-
-
 PRESSED = {
     "stiffness": np.array([[2.0, -1.0], [-1.0, 1.0]]),
     "contact": np.eye(2)[1:],
@@ -277,13 +263,14 @@ PRESSED = {
     [
         ({}, {"e": 1.0, "gaps": np.ones(1)}, 0.5, ("orbit_displacement", "floquet_angle")),
         (PRESSED, {"mean": 3.0, "gaps": np.zeros(1)}, 1.0, ("orbit_displacement", "steady_impulse")),
+        ({"residual_flexibility": np.array([[0.2]])}, {"gaps": np.ones(1)}, 1.0, ("steady_impulse",)),
     ],
-    ids=["impacts", "permanent"],
+    ids=["impacts", "permanent", "without mass"],
 )
 def test_a_mass_on_a_casing_that_stiffens_tends_to_one_on_a_rigid_one(
     entries: dict[str, Any], own: dict[str, Any], order: float, names: tuple[str, ...]
 ) -> None:
-    """Order of the flexibility c: 1 in permanent contact; 1/2, with e = 1, of impacts, which last π √(m c)."""
+    """Order of the flexibility c: 1 in permanent contact or without mass; 1/2, e = 1, of impacts that last π √(m c)."""
     rigid = oscillators(max(1, len(entries.get("load", ()))), **entries)
 
     def found(flexibility: float) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from contacts.random_contacts import DURATION, drawn
 from scenes import WAVES, chain, everything_acts, halves, heavy_chain, sampling, with_dashpot
 from workflow.models import Rayleigh
 
@@ -27,6 +28,11 @@ SCHEMES: list[tuple[str, dict[str, Any]]] = [
 ]
 
 
+def is_rough(method: str, options: dict[str, Any]) -> bool:
+    """Tell whether a scheme goes by central differences."""
+    return method in ("carpenter", "paoli_schatzman") or options == {"stiffness": 1e7}
+
+
 def quick(method: str) -> tuple[str, bool]:
     """Return the structure, and whether its casing moves, of which kernels are compiled for other tests too."""
     return ("coupled", True) if method in ("event_driven", "moreau") else ("small", False)
@@ -45,10 +51,10 @@ def test_a_case_goes_on_from_the_state_in_which_another_ended(
 ) -> None:
     """Every load acts, contact begins and ends.
 
-    In central differences the state has half the heat and the rebound of an impulse that is due at the end, and a
+    Of central differences the state has half the heat and the rebound of an impulse that is due at the end, and a
     spring that is pressed bounces fast: without contact they go on as exactly.
     """
-    rough = method in ("carpenter", "paoli_schatzman") or options == {"stiffness": 1e7}
+    rough = is_rough(method, options)
     own, over, waves = STRUCTURES[structure], sampling(0.02, 1e-3), WAVES if moves else {}
     for gap in (5e-6, 1.0) if rough else (5e-6,):
         batch = everything_acts(own, 2, e=[0.0, 0.4], gap=gap, **waves)
@@ -59,3 +65,22 @@ def test_a_case_goes_on_from_the_state_in_which_another_ended(
             expected, scale = whole.histories[name][:, 10:], np.abs(whole.histories[name]).max()
             np.testing.assert_allclose(rest.histories[name], expected, rtol=0, atol=share * scale)
             np.testing.assert_allclose(end[:, -1], begun.histories[name][:, -1], atol=1e-12 * scale)
+
+
+@pytest.mark.parametrize(("method", "options"), SCHEMES)
+@pytest.mark.parametrize("kind", [pytest.param("mass", marks=pytest.mark.slow), "massless", "elastic"])
+def test_several_contacts_go_on(method: str, options: dict[str, Any], kind: str) -> None:
+    """The first velocity of contacts without mass is that of the modes alone."""
+    if is_rough(method, options) or (kind == "elastic" and method == "penalty"):
+        pytest.skip("it has another state, or takes a rigid casing")
+    touched, over = 0, sampling(DURATION, DURATION / 40)
+    for seed in range(6):
+        scene = drawn(seed, kind == "massless")
+        structure = scene.structure.on_casing(1e-6) if kind == "elastic" else scene.structure
+        whole, _, rest = halves(structure, scene.cases, 5e-6, over, method, **options)
+        assert whole.status == rest.status == 0
+        touched += int(rest.metrics["contact_time"].max() > 0)
+        for name in ("displacement", "velocity", "temperature"):
+            expected, scale = whole.histories[name][..., 21:], np.abs(whole.histories[name]).max()
+            np.testing.assert_allclose(rest.histories[name][..., 1:], expected, rtol=0, atol=1e-8 * scale + 1e-20)
+    assert touched > 2

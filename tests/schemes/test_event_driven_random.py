@@ -1,6 +1,7 @@
 """The event-driven scheme against an independent solution on random scenes; its motion from state to state."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -85,6 +86,14 @@ def moving_scene(rng: np.random.Generator) -> tuple[Structure, Cases]:
     return structure, case
 
 
+def coupled_scene(rng: np.random.Generator) -> tuple[Structure, Cases]:
+    """Return such a scene whose damping, weak or strong, couples all modes."""
+    structure, case = moving_scene(rng)
+    root = rng.normal(size=2 * [structure.mechanical_size])
+    damper = float(rng.choice([0.05, 0.5, 5.0])) * root @ root.T / len(root)
+    return replace(structure.matrices(), damper=damper), case
+
+
 def compare(structure: Structure, case: Cases, over: Sampling = TIMES, accuracy: float = 1e-8) -> int:
     """Compare a scene as far as it can be predicted and return its number of impacts."""
     structure = watched(structure)
@@ -120,20 +129,22 @@ def test_random_scenes(seed: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("seeds", "over", "moving", "hotter", "struck"),
+    ("seeds", "over", "drawn", "hotter", "struck"),
     [
-        pytest.param(range(10), sampling(4.0, 0.1), True, 1.0, 10, id="in motion"),
-        pytest.param(range(12), sampling(4.0, 0.1), False, 10.0, 10, id="strong friction heat"),
-        pytest.param(range(1000, 1200), sampling(10.0, 0.1), True, 1.0, 500, id="200 in motion", marks=SLOW),
-        pytest.param(range(1000), TIMES, False, 1.0, 5000, id="1000", marks=SLOW),
+        pytest.param(range(10), sampling(4.0, 0.1), moving_scene, 1.0, 10, id="in motion"),
+        pytest.param(range(6), sampling(8.0, 0.1), coupled_scene, 1.0, 20, id="coupled modes"),
+        pytest.param(range(12), sampling(4.0, 0.1), scene, 10.0, 10, id="strong friction heat"),
+        pytest.param(range(1000, 1200), sampling(10.0, 0.1), moving_scene, 1.0, 500, id="200 in motion", marks=SLOW),
+        pytest.param(range(1000), TIMES, scene, 1.0, 5000, id="1000", marks=SLOW),
     ],
 )
-def test_many_random_scenes(seeds: range, over: Sampling, moving: bool, hotter: float, struck: int) -> None:
+def test_many_random_scenes(seeds: range, over: Sampling, drawn: Any, hotter: float, struck: int) -> None:
     """In motion of casing and load; with ``hotter`` heat poles of the held tip are no start for those with heat."""
     impacts = 0
     for seed in seeds:
-        structure, case = (moving_scene if moving else scene)(np.random.default_rng(seed))
-        impacts += compare(structure, replace(case, alpha=hotter * case.alpha), over, 1e-9 if moving else 1e-8)
+        structure, case = drawn(np.random.default_rng(seed))
+        accuracy = 1e-8 if drawn is scene else 1e-9
+        impacts += compare(structure, replace(case, alpha=hotter * case.alpha), over, accuracy)
     assert impacts > struck
 
 
