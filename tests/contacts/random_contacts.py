@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from scenes import of_entries, watched
-from workflow.models import Array, Cases, Harmonics, Structure, independent_rows
+from scenes import cases_of_file, of_entries, watched
+from workflow.models import Array, Cases, Structure, independent_rows
 from workflow.reduction import reduce_structure
 
 DURATION = 0.02
@@ -62,33 +62,22 @@ def drawn(seed: int, massless: bool = False, count: int = 0) -> Drawn:
     rubs, warms = rng.random() < 0.5, rng.random() < 0.5
     entries = random_entries(rng, count, size, thermal, rubs, massless)
     structure = of_entries(entries)
-    waves = Harmonics(np.array([[4e-6, 3e-6]]), rng.uniform(30, 150, (1, 2)), rng.uniform(-3, 3, (1, 2)))
-    orders = np.array([rng.integers(1, 4), 0])
-    turns = entries["angle"][:, None] * orders
-    onto = structure.coordinates.displacement_projection
+    amplitudes, frequencies, phases = [4e-6, 3e-6], rng.uniform(30, 150, 2), rng.uniform(-3, 3, 2)
+    turns = entries["angle"][:, None] * np.array([rng.integers(1, 4), 0])
     x, v = 3e-5 * rng.normal(size=size), 0.01 * rng.normal(size=size)
-    begins = entries["contact"] @ x - (waves.amplitude * np.sin(waves.phase + turns)).sum(axis=1)
-    gaps = begins + rng.uniform(1e-6, 4e-5, count)
-
-    def one(value: float) -> Array:
-        return np.array([value])
-
-    cases = Cases(
-        e=one(rng.choice([0.0, 0.3, 0.7])),
-        alpha=one(rng.uniform(1, 20) if warms else 0.0),
-        mean=one(rng.uniform(0, 4)),
-        load_harmonics=Harmonics(*(np.array([[rng.uniform(*ends)]]) for ends in ((1, 6), (60, 200), (-3, 3)))),
-        steady=np.zeros((1, size)),
-        heating=np.zeros((1, thermal)),
-        displacement=(onto @ x)[None],
-        velocity=(onto @ v)[None],
-        temperature=np.zeros((1, thermal)),
-        casing_harmonics=waves,
-        friction=one(0.15 if rubs else 0.0),
-        gaps=gaps[None],
-        turns=turns[None],
-    )
-    return Drawn(structure, cases)
+    begins = entries["contact"] @ x - (amplitudes * np.sin(phases + turns)).sum(axis=1)
+    given = {
+        "gaps": begins + rng.uniform(1e-6, 4e-5, count),
+        "e": rng.choice([0.0, 0.3, 0.7]),
+        "alpha": rng.uniform(1, 20) if warms else 0.0,
+        "mean": rng.uniform(0, 4),
+        "amplitude": rng.uniform(1, 6),
+        "frequency": rng.uniform(60, 200),
+        "phase": rng.uniform(-3, 3),
+        "friction": 0.15 if rubs else 0.0,
+    }
+    waves = {"casing_harmonics": list(zip(amplitudes, frequencies, phases, strict=True)), "turns": turns}
+    return Drawn(structure, cases_of_file(structure, displacement=x, velocity=v, **given, **waves))
 
 
 WHOLE = 3

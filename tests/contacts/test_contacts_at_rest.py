@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from random_contacts import positive
+from scipy.linalg import block_diag
 
 from scenes import cases_of_file, of_entries, step, with_tip_first
 from workflow.models import NoEquilibriumError, at_rest
@@ -34,7 +35,7 @@ def rub(bodies: list[dict[str, Any]], kind: str, contacts: int, amplitude: float
     """Run a rub of the first body, whose loads act on it alone; the others touch their casing at rest."""
     rng, load = np.random.default_rng(3), np.zeros(sum(len(own["mass"]) for own in bodies))
     load[: len(bodies[0]["mass"])] = rng.normal(size=len(bodies[0]["mass"]))
-    entries = {name: blocks([own[name] for own in bodies]) for name in bodies[0]} | {"load": load}
+    entries = {name: block_diag(*(own[name] for own in bodies)) for name in bodies[0]} | {"load": load}
     if kind != "without mass":
         del entries["residual_flexibility"]
     structure = of_entries(entries)
@@ -48,16 +49,6 @@ def rub(bodies: list[dict[str, Any]], kind: str, contacts: int, amplitude: float
     own = replace(structure, contacts=rows)
     own = with_tip_first(own) if rows.count == 1 else own  # a tip counts bounces that it sums up otherwise
     return step(own, own.received(cases) if rows.count == 1 else cases, 0.0, over, "event_driven")
-
-
-def blocks(matrices: list[Any]) -> Any:
-    """Return a matrix of blocks that are not linked."""
-    out = np.zeros(np.sum([own.shape for own in matrices], axis=0))
-    row, column = 0, 0
-    for own in matrices:
-        out[row : row + own.shape[0], column : column + own.shape[1]] = own
-        row, column = row + own.shape[0], column + own.shape[1]
-    return out
 
 
 @pytest.mark.parametrize("kind", KINDS)

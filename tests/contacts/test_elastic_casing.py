@@ -14,22 +14,13 @@ from workflow.models import at_rest
 from workflow.study import StudyError, read_study
 
 CASING = 2e-5
-CHAIN = {
-    "nodes": 3,
-    "mass": 0.1,
-    "stiffness": 4000.0,
-    "heat_capacity": 5.0,
-    "expansion": 1e-3,
-    "spacing": 0.1,
-    "conductance": 0.5,
-    "convection": 0.1,
-}
 
 
 @pytest.mark.parametrize("integration", ["explicit", "implicit"])
 def test_a_contact_spring_converges_to_it(integration: str) -> None:
     """Second order, but for where in a step contacts begin and end: over an eightfold step 1.5 at least."""
-    rod, over = chain(**CHAIN), sampling(0.5, 1e-3)
+    heat = {"heat_capacity": 5.0, "expansion": 1e-3, "spacing": 0.1, "conductance": 0.5, "convection": 0.1}
+    rod, over = chain(nodes=3, mass=0.1, stiffness=4000.0, **heat), sampling(0.5, 1e-3)
     batch = cases(rod, alpha=0.5, gap=1e-3, amplitude=4.0, frequency=12.0)
     exact = step(rod.on_casing(CASING), batch, 1.0, over, "event_driven").histories
     assert exact["temperature"].max() > 0.01

@@ -3,23 +3,18 @@
 from pathlib import Path
 
 import numpy as np
-from scenes_of_contacts import SCENE, chain
+from scenes_of_contacts import chain, study
 
 from workflow import run_study
 
 
 def test_sensors_at_contacts_show_their_displacements_and_events_name_them(tmp_path: Path) -> None:
     entries = chain() | {"labels": np.array([f"{k}.y" for k in range(5)]), "gauge": np.array([0, -1.0, 1, 0, 0])}
-    np.savez(tmp_path / "c.npz", **entries)
     axes = {"scheme": ["event_driven", "moreau"], "e": 0.5, "alpha": 3, "h": 2e-5}
+    axes |= {"reduction": ["craig_bampton", "macneal"], "mechanical_modes": 2, "thermal_modes": 2}
     sensors = {"mid": "mid", "end": "4.y", "before": "1.y", "gauge": "gauge", "hot": {"temperature": 4}}
-    study = {
-        "study": "two",
-        "scene": {"matrices": {"file": str(tmp_path / "c.npz")}, **SCENE},
-        "axes": axes | {"reduction": ["craig_bampton", "macneal"], "mechanical_modes": 2, "thermal_modes": 2},
-        "output": {"interval": 5e-4, "sensors": sensors, "events": 40},
-    }
-    data = run_study(study, tmp_path / "two.nc").dataset
+    output = {"interval": 5e-4, "sensors": sensors, "events": 40}
+    data = run_study(study(tmp_path, entries, axes=axes, output=output), tmp_path / "two.nc").dataset
     assert not data.status.any()
     largest = float(np.abs(data.displacement).max())
     for k, name in enumerate(("mid", "end")):

@@ -8,12 +8,10 @@ import numpy as np
 import pytest
 import scipy
 
-from scenes import heavy_chain
+from scenes import cases, heavy_chain
 from workflow import models
 from workflow.declare import File
 from workflow.models import (
-    Cases,
-    Harmonics,
     Sensor,
     UnusableMatricesError,
     free_reach,
@@ -60,13 +58,7 @@ def test_a_damping_matrix_may_leave_motions_undamped(tmp_path: Path, damping: An
 def test_nothing_bounds_motion_that_is_driven() -> None:
     """A model from outside may drive it: the harmonic answer is none then."""
     chain = heavy_chain()
-    size, heat = chain.mechanical_size, chain.thermal_size
-    none = Harmonics(*np.zeros((3, 1, 0)))
-    case = Cases(
-        e=np.zeros(1), alpha=np.zeros(1), gaps=np.ones((1, 1)), mean=np.ones(1), steady=np.zeros((1, size)),
-        heating=np.zeros((1, heat)), displacement=np.zeros((1, size)), velocity=np.zeros((1, size)),
-        temperature=np.zeros((1, heat)), load_harmonics=none, casing_harmonics=none,
-    )  # fmt: skip
+    case = cases(chain, gap=1.0, mean=1.0)
     assert np.isfinite(free_reach(chain, case, 1.0)).all()
     driven = replace(chain, damping=models.Rayleigh(mass=-1e-3))
     assert np.isinf(free_reach(driven, case, 1.0)).all()
