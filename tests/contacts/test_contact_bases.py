@@ -9,6 +9,7 @@ from random_contacts import DURATION, drawn
 from scenes_of_contacts import chain, study
 
 import scenes
+from matrix_files import matrices_of
 from scenes import of_entries
 from sliding import random_structure
 from workflow import models, schemes
@@ -236,22 +237,10 @@ def test_one_contact_is_the_structure_of_a_file_with_its_residuals(basis: str, t
     full = scenes.heavy_chain()
     reduction = reduce_structure(full, 3, 5, basis)
     small = reduction.structure
-    c = small.contacts
-    residuals = {"tangent": "tangent", "coupling": "coupling", "load": "load"}
-    file = write_matrices(
-        tmp_path / "small.npz",
-        mass=small.mass,
-        stiffness=small.stiffness_matrix,
-        damping=small.damping_matrix,
-        coupling=small.coupling_matrix,
-        heat_capacity=small.heat_capacity,
-        conductance=small.conductance_matrix,
-        contact=c.normal,
-        thermal_contact=c.heat,
-        load=small.load_direction,
-        residual_flexibility=c.residual,
-        **{f"residual_{name}": getattr(c, f"residual_{own}") for name, own in residuals.items()},
-    )
+    c, names = small.contacts, ("residual_tangent", "residual_coupling", "residual_load")
+    entries = {"contact": c.normal, "thermal_contact": c.heat, "load": small.load_direction, **matrices_of(small)}
+    entries |= {"damping": small.damping_matrix, "residual_flexibility": c.residual}
+    file = write_matrices(tmp_path / "small.npz", **entries, **{name: getattr(c, name) for name in names})
     written = scenes.of_file(file)
     assert critical_alpha(written) == pytest.approx(critical_alpha(full), rel=1e-9)
     values: dict[str, Any] = {"alpha": 0.5, "gap": 5e-5, "amplitude": 100.0, "frequency": 20.0}

@@ -87,16 +87,7 @@ def test_labels_of_bytes_are_utf_8(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "name",
     [
-        "file",
-        "allow_pickle",
-        "stiffness",
-        "steady",
-        "load",
-        "angle",
-        "labels",
-        "mass.shape",
-        "mass_data",
-        "a",
+        *["file", "allow_pickle", "stiffness", "steady", "load", "angle", "labels", "mass.shape", "mass_data", "a"],
         "",
         "x\0",
     ],

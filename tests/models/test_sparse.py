@@ -9,7 +9,7 @@ from scipy.sparse import csc_array, diags_array, eye_array, kron
 from scipy.sparse.linalg import splu
 
 from given_matrices import given
-from scenes import blade, cases, relative, tip_flexibility
+from scenes import blade, relative, tip_flexibility
 from workflow.models import (
     GivenMatrices,
     Matrices,
@@ -56,13 +56,6 @@ def test_statics_are_those_of_the_chain(chain: Structure, sparse: Matrices) -> N
     assert rates(sparse)[0] == pytest.approx(rates(chain)[0], rel=1e-11)
     assert chain.thermal.largest() == pytest.approx(rates(chain)[-1], rel=1e-13)
     assert rates(sparse)[-1] == pytest.approx(rates(chain)[-1], rel=0.05)
-
-
-def warm(structure: Structure) -> Any:
-    """One case with a state and loads that no basis holds."""
-    along = np.linspace(0, 1, NODES)[None]
-    start = {"displacement": 1e-6 * along**2, "velocity": along, "temperature": 50 * np.sin(3 * along)}
-    return cases(structure, mean=np.ones(1), steady=1e-2 * along, heating=1e-3 * along, **start)
 
 
 def test_heat_that_cannot_leave(chain: Structure) -> None:

@@ -28,18 +28,8 @@ def hashes(setting: dict[str, str], directory: Path, names: list[str]) -> dict[s
     kernels = {"NUMBA_CACHE_DIR": str(directory / "kernels")} if "NUMBA_CPU_NAME" in setting else {}
     done = subprocess.run(command, env={**os.environ, **setting, **kernels}, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    return written(directory)
-
-
-def written(directory: Path) -> dict[str, str]:
     by_name: dict[str, str] = json.loads((directory / "hashes.json").read_text())
     return by_name
-
-
-def written_here(directory: Path, names: list[str]) -> dict[str, str]:
-    """Run studies in this process."""
-    write(directory, names)
-    return written(directory)
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +53,7 @@ numba counts the digits of numbers in messages of its own."""
 
 def test_no_kernel_calls_the_mathematical_library(tmp_path: Path) -> None:
     """Machine code names the functions that it takes from elsewhere, among strings that end with 0."""
-    written_here(tmp_path, ["schemes", "loose"])
+    write(tmp_path, ["schemes", "loose"])
     ours = [run_cases, *KERNELS.values(), fill_heated, _sine_cosine]
     directories = {directory_of(kernel.__module__) for kernel in ours if kernel.__module__.startswith("workflow.")}
     assert None not in directories

@@ -110,17 +110,6 @@ def test_an_axis_it_does_not_read_changes_nothing(method: str) -> None:
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_without_heat_nothing_is_warm(method: str) -> None:
-    batch = rubs(heavy_chain(), 8)
-    results = step(heavy_chain(), batch, H, OVER, method)
-    cold = batch.alpha == 0
-    assert results.metrics["impacts"][cold].min() > 0
-    for name in ("max_temperature", "thermal_closing"):
-        assert np.all(results.metrics[name][cold] == 0)
-        assert np.all(results.metrics[name][~cold] > 0)
-
-
-@pytest.mark.parametrize("method", METHODS)
 def test_a_tip_that_stays_pressed_is_in_contact_in_the_whole_of_each_load_period(method: str) -> None:
     """At rest under its load, which the casing carries; periods end within steps."""
     lump, rigid = chain(nodes=1, mass=1.0, stiffness=0.0), schemes.load(method).rigid
