@@ -1,9 +1,13 @@
 """Structures with several contacts and studies of them."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from scenes import cases_of_file, movable, of_entries
+from workflow.models import Cases, Structure
 
 CHAIN = 5
 
@@ -49,3 +53,19 @@ def study(place: Path, entries: dict[str, Any] | None = None, **more: Any) -> di
     np.savez(file, **(chain() if entries is None else entries))
     scene = {"matrices": {"file": str(file)}, **SCENE, **more.pop("scene", {})}
     return {"study": "several", "scene": scene, "axes": AXES | more.pop("axes", {}), "output": OUTPUT, **more}
+
+
+def two_masses(**entries: Any) -> Structure:
+    """Return two masses on springs, a contact at each, or with rows that a file is refused for."""
+    rows = {
+        field: entries.pop(name) for field, name in (("normal", "contact"), ("tangent", "tangent")) if name in entries
+    }
+    masses = {"mass": np.diag([1.0, 2.0]), "stiffness": np.diag([1e4, 1e4]), "contact": np.eye(2)}
+    structure = of_entries({**masses, **entries})
+    rows = {name: row @ structure.coordinates.displacement_basis for name, row in rows.items()}
+    return replace(structure, contacts=replace(structure.contacts, **rows))
+
+
+def pressed(structure: Structure, **more: Any) -> Cases:
+    """Return a case that is pushed against both its contacts, in equilibrium."""
+    return movable(cases_of_file(structure, steady=[30.0, 50.0], **{"gaps": [1e-3, 1e-3], **more}))

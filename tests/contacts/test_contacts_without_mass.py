@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from random_contacts import drawn
-from two_masses import pressed, two_masses
+from scenes_of_contacts import pressed, two_masses
 
 from scenes import cases_of_file, movable, sampling, step
 from workflow.models import Array, Cases, Structure, at_rest

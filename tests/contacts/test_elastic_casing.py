@@ -5,13 +5,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 
 from scenes import cases, chain, movable, sampling, step
 from workflow import run_study
 from workflow.archive import open_archive
 from workflow.models import at_rest
-from workflow.study import StudyError, read_study
+from workflow.study import Study, StudyError, read_study
 
 CASING = 2e-5
 
@@ -67,14 +66,12 @@ STUDY: dict[str, Any] = {
 }
 
 
-def written(directory: Path, **axes: Any) -> Path:
-    place = directory / "elastic.yaml"
-    place.write_text(yaml.safe_dump(STUDY | {"axes": STUDY["axes"] | axes}))
-    return place
+def study(**axes: Any) -> Study:
+    return read_study(STUDY | {"axes": STUDY["axes"] | axes})
 
 
 def test_its_flexibility_is_an_axis(tmp_path: Path) -> None:
-    run_study(read_study(written(tmp_path)), tmp_path / "a", threads=1)
+    run_study(study(), tmp_path / "a", threads=1)
     with open_archive(tmp_path / "a") as archive:
         assert (archive["status"] == 0).all()
         deep = archive["max_penetration"].sel(scheme="exact").squeeze().values
@@ -83,6 +80,6 @@ def test_its_flexibility_is_an_axis(tmp_path: Path) -> None:
         assert float(abs(apart).max()) < 0.02 * float(abs(archive["displacement"]).max())
 
 
-def test_other_schemes_refuse_it(tmp_path: Path) -> None:
+def test_other_schemes_refuse_it() -> None:
     with pytest.raises(StudyError, match=r"carpenter.*rigid casing"):
-        run_study(read_study(written(tmp_path, scheme=["exact", "carpenter"])), tmp_path / "a", threads=1)
+        study(scheme=["exact", "carpenter"])

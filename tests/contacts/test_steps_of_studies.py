@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scenes_of_contacts import OUTPUT, study
-from two_masses import pressed, two_masses
+from scenes_of_contacts import OUTPUT, pressed, study, two_masses
 
 from scenes import sampling, step
 from workflow import schemes

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from scipy import sparse
 from scipy.linalg import eigh
+from test_modes_model import tables
 
 from matrix_files import as_output4, matrices_of
 from workflow import models, reduction
-from workflow.models import Chain, Matrices, Structure, UnusableMatricesError, write_matrices
+from workflow.models import Chain, Matrices, Structure, UnusableMatricesError, mechanical_modes, write_matrices
 from workflow.models._matrix_files import read_entries
 from workflow.models.chain import Spin
 from workflow.study import read_study
@@ -131,15 +132,10 @@ def test_a_file_at_a_speed_is_the_file_of_its_sums(tmp_path: Path, size: int, co
 
 
 def test_a_table_of_modes_is_the_same_structure(tmp_path: Path) -> None:
-    free, warm = REST.mechanical.modes(), REST.thermal.modes()
-    coupling = free.shapes.T @ REST.coupling_matrix @ warm.shapes
-    table = {
-        "table": np.column_stack([np.sqrt(free.values) / (2 * np.pi), np.zeros(12), free.tip]).tolist(),
-        "heat": np.column_stack([warm.values, warm.tip]).tolist(),
-        "coupling": coupling.tolist(),
-        "stiffness_speed2": (-np.eye(12)).tolist(),
-        "load_speed2": (free.shapes.T @ LOAD)[:, None].tolist(),
-    }
+    modes, heat, coupling = tables(REST)
+    added = {"stiffness_speed2": -np.eye(12), "load_speed2": (mechanical_modes(REST).shapes.T @ LOAD)[:, None]}
+    given = {"table": modes, "heat": heat, "coupling": coupling, **added}
+    table = {name: rows.tolist() for name, rows in given.items()}
     study = read_study({"study": "s", "scene": {"modes": table, "casing": {"gap": 1.0}, "duration": 1.0}})
     turning = models.structure_of("modes", models.at_speed("modes", study.scene.parameters, SPEED))
     assert isinstance(turning, Matrices)

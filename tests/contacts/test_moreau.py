@@ -1,4 +1,4 @@
-"""moreau with several contacts: plain matrices, one contact, convergence to exact scenes, rest, and what is refused."""
+"""What ``moreau`` leaves behind with one contact and with several: a pressed tip on its casing, a batch's bits."""
 
 from dataclasses import replace
 from typing import Any
@@ -6,10 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 from random_contacts import varied
-from two_masses import pressed, two_masses
+from scenes_of_contacts import pressed, two_masses
 
-from scenes import alone, same_bits, sampling, step, taken
+from scenes import alone, cases, chain, heavy_chain, same_bits, sampling, static_equilibrium, step, taken
 from workflow.models import Array, at_rest
+from workflow.reduction import reduce_structure
 from workflow.schemes import Status
 
 H, OVER = 4e-5, sampling(0.004, 5e-5)
@@ -59,3 +60,31 @@ def test_two_contacts_at_one_place_share_the_impulse_of_one(method: str, options
     total, alone_there = ours.histories["impulse"].sum(axis=1), truth.histories["impulse"][:, 0]
     assert alone_there[0, -1] > 1.0
     np.testing.assert_allclose(total, alone_there, rtol=1e-12, atol=1e-12)
+
+
+def test_last_step_beyond_the_duration_counts_up_to_it() -> None:
+    """duration/h = 12.5: the metrics end where the last sample lies."""
+    structure = chain(nodes=1, mass=1.0, stiffness=0.0)
+    batch = cases(structure, gap=0.0, mean=1.0)
+    results = step(structure, batch, 0.08, sampling(1.0, 0.5))
+    assert results.metrics["steps"][0] == 13
+    assert results.metrics["contact_time"][0] == pytest.approx(1.0, rel=1e-12)
+    assert results.histories["impulse"][0, -1] == pytest.approx(1.0, rel=1e-12)
+
+
+@pytest.mark.parametrize("theta", [0.5, 1.0])
+@pytest.mark.parametrize("e", [0.0, 0.7])
+def test_a_pressed_tip_stays_on_its_casing(theta: float, e: float) -> None:
+    """Static starts at x = d exactly: no rounding may lose the contact, whatever gap, model and heat."""
+    full = heavy_chain()
+    gaps = np.linspace(1e-5, 7e-5, 31)
+    rest = [static_equilibrium(full, np.eye(20)[-1] * 120.0, np.zeros(20), float(gap)) for gap in gaps]
+    batch = cases(
+        full, 31, e=e, alpha=np.arange(31) % 2 * 1e-9, gap=gaps, mean=120.0, displacement=np.array([x for x, _ in rest])
+    )
+    reduction = reduce_structure(full, 3, 12)
+    for structure, loaded in ((full, batch), (reduction.structure, reduction.project(batch))):
+        results = step(structure, loaded, 1e-4, sampling(0.5, 1e-3), theta=theta)
+        force = np.diff(results.histories["impulse"], axis=1) / 1e-3
+        assert np.array_equal(results.histories["displacement"], np.repeat(gaps[:, None], 501, axis=1))
+        assert np.allclose(force, (120.0 - gaps * 1e6)[:, None], rtol=1e-6)
