@@ -7,7 +7,7 @@ from plain_steps import march as plain_march
 from scenes import alone, cases, chain, heavy_chain, movable, rubs, same_bits, sampling, step, with_dashpot
 from workflow import schemes
 from workflow.models import Cases, Rayleigh, Structure
-from workflow.schemes import Recorder, Results, moreau
+from workflow.schemes import Recorder, Results
 
 BALANCES = ("energy_residual", "heat_residual")
 STEPPED = [method for method in schemes.names() if method != "event_driven"]
@@ -50,37 +50,6 @@ def test_nothing_moves_nothing_is_missing() -> None:
     structure = chain(nodes=3, mass=1.0, stiffness=2.0)
     metrics = of_moreau(structure, cases(structure, gap=1.0), 0.1, 1.0, 1.0).metrics
     assert [metrics[name][0] for name in BALANCES] == [0.0, 0.0]
-
-
-OVERDAMPED = {"mass": 1.0, "stiffness": 9.0, "damping": Rayleigh(10.0, 0.0), "spacing": 1.0, "expansion": 0.05}
-"""A mode with the rates 1 and 9 per second."""
-
-
-def closing() -> dict[str, tuple[Structure, Cases, float]]:
-    """Scenes in which all terms of the balance act: heat from little to runaway, a free root, resonance of the two."""
-    structure, rub = heavy_chain(), {"gap": 5e-5, "amplitude": 100.0, "frequency": 20.0, "e": 0.5}
-    loose = heavy_chain(stiffness=(0.0, *[2.0e7] * 19))
-    pair = chain(nodes=1, conductance=1.0, **OVERDAMPED)
-    near = cases(pair, e=0.5, alpha=0.3, gap=0.1, amplitude=3.0, frequency=0.2, temperature=1.0, heating=0.2)
-    warm = {"heating": 0.3, "temperature": 1.0, "steady": 1.0, "mean": 2.0}
-    return {
-        **{
-            f"alpha {a}": (structure, cases(structure, alpha=a, **rub, **(warm if a else {})), 1e-4) for a in (0, 1, 50)
-        },
-        "free root": (loose, cases(loose, alpha=50.0, **rub, **warm), 1e-4),
-        "resonance": (pair, near, 0.05),
-    }
-
-
-@pytest.mark.parametrize("name", closing())
-def test_the_energy_of_the_relative_motion_closes(name: str) -> None:
-    structure, batch, h = closing()[name]
-    assert (moreau.init(structure, h, moreau.Options()).blocks.pairs.size > 0) == (name == "resonance")
-    metrics = of_moreau(structure, batch, h, 1000 * h, 0.5).metrics
-    assert metrics["impacts"][0] > 0
-    assert abs(metrics["energy_residual"][0]) < 1e-12
-    spring = step(structure, batch, h, sampling(1000 * h, 1000 * h), "carpenter") if name == "resonance" else None
-    assert spring is None or abs(spring.metrics["energy_residual"][0]) < 1e-12
 
 
 @pytest.mark.parametrize("coupled", [False, True])
