@@ -149,12 +149,3 @@ def test_heat_that_passes_through_the_tip_between_two_samples(interval: float, f
     if frequency:  # load periods of 250 s: the tip is warmest in the first, then at the beginning of each
         boundaries = [(expm(rate * t) @ start)[1] for t in (250.0, 500.0, 750.0)]
         np.testing.assert_allclose(results.period_temperature[0], [exact, *boundaries], rtol=1e-9, atol=1e-12)
-
-
-def test_a_top_between_load_periods_belongs_to_both() -> None:
-    structure = chain(nodes=1, mass=1.0, stiffness=1.0, conductance=1.0, spacing=1.0, expansion=0.0)
-    case = cases(structure, gap=1.0, heating=1.0, frequency=1.0)
-    results = hot(structure, case, 3.0, 3.0)
-    np.testing.assert_allclose(results.period_temperature[0], -np.expm1([-1.0, -2.0, -3.0]), rtol=1e-13)
-    cooling = hot(structure, cases(structure, gap=1.0, temperature=1.0, frequency=1.0), 3.0, 3.0)
-    np.testing.assert_allclose(cooling.period_temperature[0], np.exp([0.0, -1.0, -2.0]), rtol=1e-13)
