@@ -7,21 +7,10 @@ import pytest
 
 from plain_steps import stepped_as
 from scenes import cases, heavy_chain, observing, sampling, step
-from workflow.models import Cases, Chain, Matrices, Structure
+from workflow.models import Cases, Structure
 from workflow.reduction import reduce_structure
 
 DEPTH, DURATION, H = 7.3e-3, 6e-3, 1e-5
-
-
-def full() -> Chain:
-    structure = heavy_chain(nodes=6, stiffness=4e5)
-    return structure
-
-
-def reduced() -> Matrices:
-    reduction = reduce_structure(full(), 2, 3, "craig_bampton")
-    structure = reduction.structure
-    return observing(structure, reduction.temperature_basis.T @ full().mean_over(DEPTH))
 
 
 def rub(structure: Structure, count: int = 1) -> Cases:
@@ -30,7 +19,12 @@ def rub(structure: Structure, count: int = 1) -> Cases:
     return cases(structure, count, alpha=alpha, gap=2e-5, amplitude=60.0, frequency=200.0, mean=5.0, **heat)
 
 
-STRUCTURES = {"full": observing(full(), full().mean_over(DEPTH)), "reduced": reduced()}
+FULL: Any = heavy_chain(nodes=6, stiffness=4e5)
+MEAN, REDUCTION = FULL.mean_over(DEPTH), reduce_structure(FULL, 2, 3)
+STRUCTURES = {
+    "full": observing(FULL, MEAN),
+    "reduced": observing(REDUCTION.structure, REDUCTION.temperature_basis.T @ MEAN),
+}
 LAWS: dict[str, tuple[str, dict[str, Any]]] = {
     "moreau": ("moreau", {"theta": 0.7}),
     "carpenter": ("carpenter", {}),
