@@ -9,7 +9,7 @@ from random_contacts import varied
 
 from plain_steps import CoatedCasing, march, results
 from scenes import cases, chain, coated, of_entries, sampling, step
-from workflow.models import Cases, NoEquilibriumError, Structure, at_rest
+from workflow.models import Cases, NoEquilibriumError, Rayleigh, Structure, at_rest
 from workflow.schemes import HISTORIES, ContractError, Status, load, refuse
 
 SCENES = Path(__file__).parent / "coating"
@@ -95,6 +95,12 @@ def test_forces_stay_below_their_level_and_no_depth_falls(method: str) -> None:
     assert sum(holds(seed, method) for seed in range(100, 130)) > 20
 
 
+@pytest.mark.slow
+def test_no_random_structure_goes_astray() -> None:
+    """1 to 5 contacts, with and without mass, friction, heat, hardening or none, 1 to 360 sectors."""
+    assert sum(holds(seed, "event_driven") for seed in range(120, 400)) > 220
+
+
 @BOTH
 def test_a_rigid_blade_cuts_once(method: str) -> None:
     """Max(0, (k (x - d) - F_y)/(k + H)) with d the least that the blade meets in a sector, in one revolution."""
@@ -113,6 +119,18 @@ def test_a_rigid_blade_cuts_once(method: str) -> None:
     assert 0 < (expected > 0).sum() < sectors
     for depth in (done.wear["worn_depth"][0], *done.wear["wear_map"][0]):
         np.testing.assert_allclose(depth, expected, rtol=1e-5 if method == "moreau" else 0, atol=1.5e-12)  # it yields
+
+
+@BOTH
+def test_a_load_of_n_times_the_speed_wears_n_lobes(method: str) -> None:
+    """It goes on deeper at first, and there is a lobe in each third of the angle."""
+    mass, speed = chain(nodes=1, mass=1e-3, stiffness=1e5, damping=Rayleigh(mass=1e4)).on_casing(1e-6), 100.0
+    batch = cases(mass, gap=1e-5, amplitude=3.0, frequency=3 * speed, phase=-np.pi / 2)
+    done = step(mass, coated(mass, batch, 0.5, 60, hardening=1e5, speed=speed), 1e-6, sampling(0.05, 0.01), method)
+    depth = done.wear["worn_depth"].reshape(3, 20)
+    np.testing.assert_allclose(depth, depth[:1].repeat(3, axis=0), rtol=0.02, atol=1e-9)
+    assert depth[0].max() > 1e-6
+    assert depth[0].min() == 0
 
 
 def test_balances_close_with_the_work_at_borders() -> None:

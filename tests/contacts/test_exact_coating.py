@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from test_coating import SCENES, free_mass, random_case
 
-from scenes import cases, coated, of_entries, sampling
+from scenes import cases, chain, coated, of_entries, sampling
 from scenes import step as stepped
 from workflow.models import Cases, Structure
 from workflow.schemes import Results, Sampling, Status
@@ -126,6 +126,20 @@ def test_the_map_holds_what_shorter_cases_end_with() -> None:
     for row, turns in enumerate((2, 4, 6)):
         short = run(structure, batch, sampling(turns / 60.0, 0.5 / 60.0))
         np.testing.assert_allclose(whole.wear["wear_map"][0, row], short.wear["worn_depth"][0], rtol=1e-9)
+
+
+def test_the_worn_volume_converges_with_the_sectors() -> None:
+    """At first order: a sector is as deep as its deepest place."""
+    blade = chain(nodes=1, mass=1e-3, stiffness=1e9).on_casing(1e-6)
+    batch = cases(blade, gap=-4e-6, casing_harmonics=[[6e-6, 100.0, 0.3]])
+
+    def volume(sectors: int) -> float:
+        done = run(blade, coated(blade, batch, 2.0, sectors, hardening=5e5, speed=50.0), sampling(0.021, 0.021))
+        return float(done.wear["worn_depth"].mean())
+
+    many = [volume(sectors) for sectors in (45, 90, 180, 360)]
+    orders = np.log2(np.abs(np.diff(many[:-1]) / np.diff(many[1:])))
+    np.testing.assert_allclose(orders, 1.0, atol=0.15)
 
 
 def converges(seed: int) -> tuple[np.ndarray, np.ndarray]:

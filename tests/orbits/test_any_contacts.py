@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from contacts.random_contacts import random_entries
 from scenes import cases_of_file, of_entries
@@ -152,6 +153,53 @@ def test_two_coupled_contacts_with_heat() -> None:
     np.testing.assert_allclose(found.D, D, atol=1e-7 * np.abs(D).max())
     values = np.linalg.eigvals(D)
     np.testing.assert_allclose(sorted_like(values, found.multipliers), found.multipliers, atol=1e-6)
+
+
+def marched(X: Array, begin: float, span: float) -> Array:
+    """Return the state of the pair of masses after a time by an integrator with events, impacts by Moreau's law."""
+    M, K, C, G = PAIR["mass"], PAIR["stiffness"], PAIR["damping"], PAIR["coupling"]
+    W, gaps, t, end = np.linalg.inv(M), np.array([0.5, 0.4]), begin, begin + span
+
+    def rate(at: float, state: Array) -> Array:
+        x, v, warm = np.split(state, 3)
+        force = (0.2 + np.sin(TURN * 0.2 * at + np.pi / 2)) * PAIR["load"] - K @ x - C @ v - G @ warm
+        return np.concatenate([v, W @ force, -PAIR["conductance"] @ warm / 2.0])
+
+    def gap(k: int) -> Any:
+        def own(at: float, state: Array) -> float:
+            return float(gaps[k] - state[k])
+
+        own.terminal, own.direction = True, -1.0  # type: ignore[attr-defined]
+        return own
+
+    while t < end:
+        run = solve_ivp(rate, (t, end), X, method="DOP853", rtol=1e-13, atol=1e-14, events=[gap(0), gap(1)])
+        t, X = float(run.t[-1]), run.y[:, -1].copy()
+        for k in (0, 1):
+            if run.t_events[k].size:
+                p = 1.6 * X[2 + k] / W[k, k]
+                X[2:4] -= p * W[:, k]
+                X[4 + k] += 0.3 * p / 2.0
+    return X
+
+
+@pytest.mark.slow
+def test_an_integrator_has_the_orbit_and_multipliers_of_two_contacts() -> None:
+    found = paired()
+    flow, motion = found.flow, found.motion
+    start, end = np.concatenate([part[0] for part in (np.atleast_2d(each) for each in flow.parts(motion.start))]), []
+    coordinates = flow.structure.coordinates
+    into = np.zeros((6, 6))
+    for row, basis in zip((slice(0, 2), slice(2, 4)), (coordinates.displacement_basis,) * 2, strict=True):
+        into[row, row] = basis
+    into[4:, 4:] = coordinates.temperature_basis
+    start, share = into @ start, 1e-3
+    np.testing.assert_allclose(marched(start, motion.begin, motion.span), start, atol=1e-10)
+    for moved in share * np.eye(6):
+        ends = [marched(start + k * moved, motion.begin, motion.span) for k in (1, -1, 2, -2)]
+        end.append((8 * (ends[0] - ends[1]) - (ends[2] - ends[3])) / (12 * share))
+    values = np.linalg.eigvals(np.transpose(end))
+    np.testing.assert_allclose(sorted_like(values, found.multipliers), found.multipliers, atol=1e-8)
 
 
 def random_rub(seed: int) -> tuple[Structure, Cases]:
