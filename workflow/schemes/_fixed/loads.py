@@ -16,13 +16,13 @@ Central differences take θ = 0: V_k = (d_{k+1} - d_k)/h, the casing's velocity 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
 from workflow.kernels import elementary, elementwise
 from workflow.kernels.compiled import inlined, part
-from workflow.kernels.lanes import PACK, Rows, named_rows, rows_in, several_rows
+from workflow.kernels.lanes import PACK, Rows, named_rows, rows_in
 from workflow.kernels.packs import Lane, Pack, narrow, pack, spread, store
 from workflow.models import Array, Cases, Harmonics, Structure, compliant_places, project
 from workflow.schemes._fixed.rows import Acting
@@ -148,8 +148,8 @@ class DriveRows(NamedTuple):
 
     @property
     def named(self) -> Drive:
-        """The rows by names, as kernels take them."""
-        return Drive(several_rows(Wave, self.casing_waves), named_rows(Seen, self.seen))
+        """The rows by names, as kernels take them: of one harmonic too an array, for fewer kernels."""
+        return Drive(cast(Any, named_rows(Wave, self.casing_waves)), named_rows(Seen, self.seen))
 
 
 class Start(NamedTuple):
