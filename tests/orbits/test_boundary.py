@@ -210,7 +210,7 @@ def test_without_a_bifurcation_there_is_no_curve() -> None:
 def test_what_is_not_followed_to_an_end_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     structure = chain(nodes=1, mass=1.0, stiffness=1.0, damping=Rayleigh(0.1, 0.0))
     scene = cases(structure, e=0.8, gap=1.0, amplitude=1.0, frequency=1.0)
-    problem = of_two(structure, scene, "gap", "frequency")
+    problem = of_two(structure, scene, "gaps", "frequency")
     branches = [follow(lambda a, b=b: problem(a, b), 0.2, 3.0, Options(1, 2)) for b in (0.25, 0.3)]  # type: ignore[misc]
     monkeypatch.setattr(_boundary, "_MOST_STEPS", 2)
     curves, message = boundaries(problem, *branches, 0.25, 0.3, 3)

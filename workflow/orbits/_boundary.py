@@ -421,7 +421,7 @@ def boundaries(
             begins = "the branch has no motion with its impact" if place.flag < NONE else "its start is no motion"
             why = "no motion is found beyond its last point" if trail else begins
             why = f"{_MOST_STEPS} steps do not reach its end" if len(trail) == _MOST_STEPS else why
-            said.append(f"boundary {stored} is not followed: {why}")
+            said.append(f"boundary {stored + 1} is not followed: {why}")
         stored += 1
     said += [f"{left} more boundaries are not stored"] * bool(left)
     return Boundaries(kinds, rows[0], rows[1], rows[2], rows[3], reasons), "; ".join(said)

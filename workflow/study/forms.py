@@ -176,7 +176,8 @@ def _row(columns: tuple[tuple[str, str], ...]) -> Kind:
         if isinstance(value, dict) and names:
             several = [f"{names[-1]}_{k + 1}" for k in range(len(value) - len(names) + 1)]
             wanted = names if set(value) == set(names) else [*names[:-1], *several]
-            unknown = next((key for key in value if key not in (*names, *several)), None)
+            others = (key for key in value if key not in names)
+            unknown = next((key for key in others if not str(key).startswith(f"{names[-1]}_")), None)
             if unknown is not None:
                 raise wrong(f"{quoted(unknown)} {UNKNOWN}", one_of(unknown, names), unknown)
             value = [value[column] for column in wanted] if set(value) == set(wanted) else value

@@ -148,8 +148,8 @@ class DriveRows(NamedTuple):
 
     @property
     def named(self) -> Drive:
-        """The rows by names, as kernels take them: of one harmonic too an array, for fewer kernels."""
-        return Drive(cast(Any, named_rows(Wave, self.casing_waves)), named_rows(Seen, self.seen))
+        """The rows by names, as kernels take them."""
+        return Drive(cast(Sequence[Wave], named_rows(Wave, self.casing_waves)), named_rows(Seen, self.seen))
 
 
 class Start(NamedTuple):

@@ -438,7 +438,7 @@ def batch_of(watched: Watch, table: LaneTable, samples: Array, width: int) -> Ba
     )
     record = BlockRecord(watched.histories, samples, watched.periods, watched.sensed, lanes["shown"])
     drive = None if watched.drive is None else DriveRows(*(lanes[name] for name in DriveRows._fields)).named
-    load = Loads(lanes["mean"][0], several_rows(Wave, lanes["load_waves"]))
+    load = Loads(lanes["mean"][0], cast(Sequence[Wave], named_rows(Wave, lanes["load_waves"])))
     contacts = several_rows(ContactRecord, lanes["contacts"])
     tracks = None if watched.tracks is None else several_rows(Track, lanes["tracks"])
     places = 0, count, width, plan.steps
