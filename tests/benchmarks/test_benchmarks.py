@@ -19,6 +19,7 @@ def test_bases_are_told_of() -> None:
     assert all(float(line.split("|")[7]) < 1e-12 for line in lines)  # α_c
 
 
+@pytest.mark.slow
 def test_the_kept_table_is_what_the_script_prints() -> None:
     """Line by line but for numbers, and for what needs other processes."""
 
