@@ -41,7 +41,7 @@ def random_problem(seed: int) -> tuple[Pair, tuple[float, float], tuple[float, f
         name, ends = "alpha", (alpha, alpha + 2)
     else:
         name, ends = "frequency", (omega / TURN, 1.25 * omega / TURN)
-    return of_two(structure, scene, "gap", name), (gap, gap + 0.8), ends
+    return of_two(structure, scene, "gaps", name), (gap, gap + 0.8), ends
 
 
 def random_boundaries(seed: int) -> list[tuple[_Boundary, list[_Spot], tuple[Any, Any]]]:
