@@ -218,7 +218,7 @@ def stored_bytes(grid: Grid) -> int:
 
 def bytes_per_case(grid: Grid) -> int:
     """Return the bytes of a case in memory: conditions, what a scheme gives, results and the copy that is stored."""
-    return 8 * (6 * grid.sampling.count + 45) * math.prod(grid.study.contact_shape) + 2 * stored_bytes(grid)
+    return 8 * (6 * grid.sampling.count + 120) * math.prod(grid.study.contact_shape) + 2 * stored_bytes(grid)
 
 
 def together_in_memory(grid: Grid) -> int:
