@@ -37,11 +37,11 @@ def agree(
 H, OVER = 4e-5, sampling(0.006, 5e-5)
 METRICS = ("impacts", "contact_time", "max_penetration", "max_temperature", "thermal_closing")
 STEPPED = {
-    "moreau": (30, (False, True)),
-    "carpenter": (3, (False,)),
-    "paoli_schatzman": (3, (False,)),
-    "explicit penalty": (3, (False,)),
-    "implicit penalty": (3, (False, True)),
+    "moreau": (6, (False, True)),
+    "carpenter": (1, (False,)),
+    "paoli_schatzman": (1, (False,)),
+    "explicit penalty": (1, (False,)),
+    "implicit penalty": (1, (False, True)),
 }
 """How many seeds are no slow tests, and whether contacts have no mass."""
 
