@@ -91,7 +91,7 @@ def test_tasks_cover_every_case_once(text: str, longest: float, monkeypatch: pyt
 @pytest.mark.parametrize("threads", [1, 2, 16])
 def test_threads_end_together(threads: int, missing: float, h: str) -> None:
     """Tasks are enough for each thread, and cost the same, whether all of a study is missing or some of it."""
-    text = SMALL.replace("h: [1e-4, 2e-4]", f"h: {h}").replace("[0, 5, 10, 20, 50]", "{lin: [0, 50, 3000]}")
+    text = SMALL.replace("h: [1e-4, 2e-4]", f"h: {h}").replace("[0, 5, 10, 20, 50]", "{lin: [0, 50, 4000]}")
     grid = arrange(parsed(text.replace("interval: 1 ms", "interval: 20 ms")))
     mask = np.random.default_rng(0).random((grid.outer_count, grid.inner_count)) < missing
     seconds = [task.seconds for task in tasks(grid, mask, threads)]
