@@ -297,6 +297,7 @@ def test_contacts_without_mass_have_no_temperature_over_a_depth() -> None:
             schemes.load(scheme).init(structure, 1e-6, schemes.load(scheme).Options())
 
 
+@pytest.mark.slow
 def test_a_study_takes_counts_and_bases_of_several_contacts(tmp_path: Path) -> None:
     """Three modes are all of five displacements with two contacts, and three all of five temperatures."""
     given = study(

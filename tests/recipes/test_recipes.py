@@ -357,6 +357,7 @@ def crossley_of(stiffness: float, damping: float, h: float) -> Law:
     return crossley
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("contacts", [2, 5])
 def test_a_compiled_contact_law_takes_any_number_of_contacts(compiled_law: str, contacts: int) -> None:
     stiffness, damping, h, rows = 2e8, 20.0, 4e-6, np.eye(6)[-contacts:]

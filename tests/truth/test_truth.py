@@ -19,7 +19,11 @@ import comparison
 import structures
 import truth_page
 
-LONG = {"One impact in n load periods, over the gap", "Grazing and doubling of a heated mass"}
+LONG = {
+    "One impact in n load periods, over the gap",
+    "Grazing and doubling of a heated mass",
+    "A mass on an elastic-plastic stop (a coating)",
+}
 SECTIONS = {text.split("\n", 1)[0]: text for text in truth_page.PAGE.read_text(encoding="utf-8").split("\n### ")[1:]}
 SCENES = [
     pytest.param(each, id=each.title, marks=[pytest.mark.slow] if each.title in LONG else [])
