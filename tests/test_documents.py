@@ -183,7 +183,7 @@ def test_kept_archives_are_of_today_s_studies(name: str) -> None:
     assert provenance(kept)["study"] == (ROOT / "studies" / f"{name}.yaml").read_text(encoding="utf-8")
 
 
-SLOW = ("scaling", "hard/bouncing_bar")
+SLOW = ("scaling", "hard/bouncing_bar", "compressor_blade")
 
 
 @pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * (n in SLOW)) for n in LONG])

@@ -189,6 +189,7 @@ def test_sparse_matrices_give_the_same_as_dense_ones(basis: str) -> None:
     assert apart(reduced_run(ours, batch, 0.003), whole) < 1e-7
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("basis", BASES)
 def test_two_opposite_stops(basis: str) -> None:
     """Of rows w and -2 w one is held; without mass both stops have one residual flexibility, and R is singular."""
