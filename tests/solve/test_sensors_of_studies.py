@@ -75,7 +75,6 @@ def test_events_are_those_of_event_driven(archive: xr.Dataset) -> None:
     assert (stepped.event_kind == -1).all()
 
 
-@pytest.mark.slow
 def test_a_steady_rub_has_the_orbit_of_sensors(tmp_path: Path) -> None:
     output = {"histories": [], "steady": {"samples": 20}}
     study = watched({"scheme": "event_driven", "alpha": 0.0, "e": 0.0}, **output)
