@@ -397,34 +397,34 @@ def boundaries(
     ``first`` and ``last`` are the branches there, followed over the same range, ``heated`` where heat acts in either.
     The message is '' or says what is not stored or not followed.
     """
-    rows, ends = np.full((4, MOST_CURVES, count), np.nan), list[tuple[int, Array]]()
-    kinds, reasons = np.zeros((2, MOST_CURVES), dtype=np.int8)
+    rows, reached = np.full((4, MOST_CURVES, count), np.nan), list[tuple[int, Array]]()
+    kinds, ends = np.zeros((2, MOST_CURVES), dtype=np.int8)
     stored, left, said = 0, 0, list[str]()
     for curve, place, q2 in [(one.curve, place, q2) for q2, one in enumerate((first, last)) for place in _starts(one)]:
-        if any(_is_end(place.flag, place.point.q, q2, *each) for each in ends):
+        if any(_is_end(place.flag, place.point.q, q2, *each) for each in reached):
             continue
         if stored == MOST_CURVES:
             left += 1
             continue
-        kinds[stored], reasons[stored], trail = abs(place.flag), _NOT_FOLLOWED, list[_Spot]()
+        kinds[stored], ends[stored], trail = abs(place.flag), _NOT_FOLLOWED, list[_Spot]()
         q = np.array([[place.point.q, q2]])
         if place.flag > NONE:
             with one_thread():  # matrices are small
                 boundary = _Boundary(curve, problem, low, high, place, q2)
-                trail, reasons[stored] = boundary.follow()
+                trail, ends[stored] = boundary.follow()
                 spots = boundary.spread(trail, count) if len(trail) > 1 else []
                 rows[2:, stored, : len(spots)] = np.reshape([boundary.multipliers(spot) for spot in spots], (-1, 2)).T
             q = np.array([spot.U[-2:] for spot in spots]) if spots else q
-            ends += [(place.flag, trail[-1].U)] if trail else []
+            reached += [(place.flag, trail[-1].U)] if trail else []
         rows[:2, stored, : len(q)] = curve.start + q[:, 0] * (curve.stop - curve.start), low + q[:, 1] * (high - low)
-        if reasons[stored] == _NOT_FOLLOWED:
+        if ends[stored] == _NOT_FOLLOWED:
             begins = "the branch has no motion with its impact" if place.flag < NONE else "its start is no motion"
             why = "no motion is found beyond its last point" if trail else begins
             why = f"{_MOST_STEPS} steps do not reach its end" if len(trail) == _MOST_STEPS else why
             said.append(f"boundary {stored + 1} is not followed: {why}")
         stored += 1
     said += [f"{left} more boundaries are not stored"] * bool(left)
-    return Boundaries(kinds, rows[0], rows[1], rows[2], rows[3], reasons), "; ".join(said)
+    return Boundaries(kinds, rows[0], rows[1], rows[2], rows[3], ends), "; ".join(said)
 
 
 def _is_end(flag: int, q1: float, q2: float, kind: int, U: Array) -> bool:

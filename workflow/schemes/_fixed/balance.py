@@ -207,7 +207,7 @@ def count_work(
 ) -> Pack:
     """Add the friction heat of a step at contact ``c`` to the sums; return what load and contact there took, J."""
     if account is None:
-        return load
+        return spread(0.0, lane)
     sums, act = account.sums, state.acts[c]
     before, after = pack(act.relative, lane), end.driven - moved.thermal_velocity
     if engaged:
