@@ -60,7 +60,7 @@ def test_alone_is_as_in_a_batch(method: str, options: dict[str, Any], kind: str)
     assert np.all(whole.status == Status.OK)
     assert whole.metrics["impacts"].min() > 0
     assert method == "event_driven" or np.count_nonzero(whole.metrics["energy_residual"]) > 20
-    for part in (slice(0, 1), slice(33, 34), slice(5, 12)):
+    for part in (*(slice(i, i + 1) for i in range(batch.count)), slice(5, 12)):
         assert same_bits(step(structure, batch.take(part), H, OVER, method, **options), taken(whole, part))
 
 

@@ -332,7 +332,8 @@ def _ended(
     )
     metrics = {"thermal_closing": closing.max(axis=1)}
     if contact.rebounds:
-        metrics |= effective_restitution(acts["approached"].sum(axis=0), acts["separated"].sum(axis=0))
+        each = np.ones(begun.closing.shape[1])
+        metrics |= effective_restitution(*(project(each, acts[name].T) for name in ("approached", "separated")))
     end = None
     if sampling.ends:
         unscale = 1 / np.where(blocks.scale == 0, np.inf, blocks.scale)[:, None]
