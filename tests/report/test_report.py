@@ -21,7 +21,7 @@ from workflow.archive import ArchiveError, open_archive
 from workflow.plots._units import scaled
 from workflow.report import ReportFiles, write_report
 from workflow.report import _sections as sections
-from workflow.report._explorer import described, on_screen, shown_part, thinned, thinned_times, three_digits
+from workflow.report._explorer import described, on_screen, per_period, shown_part, thinned, thinned_times, three_digits
 from workflow.report._figures import case_figures
 from workflow.run import run_study
 from workflow.study import read_study, readable
@@ -61,6 +61,13 @@ def reports(archives: list[Path], tmp_path_factory: pytest.TempPathFactory) -> l
     """A page of each archive."""
     directory = tmp_path_factory.mktemp("pages")
     return [write_report(archive, directory / f"{archive.stem}.html") for archive in archives]
+
+
+def test_extrapolated_impulses_are_never_negative() -> None:
+    """A rub that touches in every other load period: a change of 1, of 1/4 in the period before."""
+    drawn = per_period(np.tile([1.0, 0.0], 9)[:-1], growth=100 * np.log(4), frequency=100.0)["predicted"]
+    assert drawn[-2:] == pytest.approx([0.0, 1.0])
+    assert np.isnan(drawn[:-2]).all()
 
 
 def test_a_report_draws_speed_against_error(reports: list[ReportFiles]) -> None:

@@ -355,7 +355,7 @@ def _cases(part: xr.Dataset, order: Sequence[int], scene: Mapping[str, Any]) -> 
         if contacts:
             entry["contacts"] = _contacts(part, values[_OF_CONTACTS], 2 * buckets)
         if "period_impulse" in values:
-            entry["periods"] = _periods(values["period_impulse"], float(values.get("growth_rate", np.nan)), frequency)
+            entry["periods"] = per_period(values["period_impulse"], float(values.get("growth_rate", np.nan)), frequency)
         if has_worn:
             entry["worn"] = _worn(values["worn_depth"], worn_unit)
         if orbits and np.isfinite(values[ORBIT[0]]).all():
@@ -426,7 +426,7 @@ def _window(t: Array, frequency: float) -> dict[str, Any] | None:
     return {"start": t[-1] - shown / frequency, "text": text}
 
 
-def _periods(impulse: Array, growth: float, frequency: float) -> dict[str, Any]:
+def per_period(impulse: Array, growth: float, frequency: float) -> dict[str, Any]:
     """Return the impulse of the load periods, what the growth rate of permanent contact predicts, and a remark."""
     impulse = impulse[np.isfinite(impulse)]
     count = impulse.size
@@ -442,7 +442,7 @@ def _periods(impulse: Array, growth: float, frequency: float) -> dict[str, Any]:
             powers = k if factor == 1 else factor * (factor**k - 1) / (factor - 1)  # Σ factor^j, j = 1 … k
             predicted = impulse[-1] + (impulse[-1] - impulse[-2]) * powers
         margin = 0.3 * (high - low or abs(high))
-        predicted[~((predicted > low - margin) & (predicted < high + margin))] = np.nan
+        predicted[~((predicted >= max(0.0, low - margin)) & (predicted < high + margin))] = np.nan
         text += (
             " Dashed: the last two periods extrapolated as if contact were permanent (changes grow "
             f"{factor:.3g}-fold per period)."
