@@ -23,11 +23,12 @@ H = 1e-5
 
 
 def coupled() -> tuple[Structure, Cases]:
-    """Modes that damping couples, on a casing in motion; each case has load periods of its own."""
+    """Modes that damping couples, under constant loads, on a moving casing; each case has load periods of its own."""
     structure = with_dashpot(heavy_chain(nodes=6), 1, 3, 20.0)
     waves = {name: [[0.1 * a, f, phase] for a, f, phase in rows] for name, rows in WAVES.items()}
     frequency = 50 * rubs(structure, 40).e + 150
-    return structure, rubs(structure, 40, amplitude=400.0, frequency=frequency, phase=0.0, **waves)
+    batch = rubs(structure, 40, amplitude=400.0, frequency=frequency, phase=0.0, **waves)
+    return structure, replace(batch, steady=batch.e[:, None] * np.linspace(-3.0, 7.0, structure.mechanical_size))
 
 
 def kinds() -> dict[str, tuple[Structure, Cases]]:

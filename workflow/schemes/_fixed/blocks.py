@@ -83,9 +83,9 @@ class Step(NamedTuple):
         return isinstance(self.tip, CentralStep)
 
     def moved_by(self, impulses: Array) -> Array:
-        """Return the velocities Ŵ⁻¹ · impulses of the modes, ``(mode, …)``."""
+        """Return the velocities Ŵ⁻¹ · impulses of the modes, ``(mode, …)``, each column with the same bits as alone."""
         if self.inertia.ndim == 2:
-            return np.asarray(np.linalg.solve(self.inertia, impulses))
+            return project(np.asarray(np.linalg.inv(self.inertia), dtype=np.float64), impulses.T).T
         return np.asarray((impulses.T / self.inertia).T)
 
     def delassus(self, modal: ContactBasis) -> Array:
