@@ -210,7 +210,7 @@ def _followed(curve: Curve, first: Point) -> list[Place]:
                 continue
             trace, here, step, count = [*trace, *passed[1:]], passed[-1].point, _FIRST, count + 1
             continue
-        if here.orbit.order % 2 == 0 and curve.between_halves(here) @ curve.between_halves(found) < 0:
+        if here.orbit.order % 2 == 0 and _exchanges_halves(curve, here, found):
             found = _with_equal_halves(curve, here)
             if found is None:
                 return [*trace[:-1], Place(here, PERIOD_DOUBLING)]
@@ -240,6 +240,15 @@ def _bend(a: Point, b: Point) -> float:
     """Return how far a chord is from the mean tangent of its ends, over its length, or by how much they turn."""
     mean = 0.5 * (b.arclength - a.arclength) * (a.tangent + b.tangent)
     return max(a.distance(b.u - mean) / a.distance(b.u), abs(float(a.row @ b.tangent) - 1))
+
+
+def _exchanges_halves(curve: Curve, a: Point, b: Point) -> bool:
+    """Tell whether the halves of a rub's period become each other, as beyond the doubling of half its period.
+
+    Their difference d changes by -2 Δw there; it jumps where an impact passes the middle of the period.
+    """
+    before, after = (curve.between_halves(point) for point in (a, b))
+    return bool(before @ after < 0 and np.linalg.norm(after - before) < 4 * np.linalg.norm(b.w - a.w))
 
 
 def _with_equal_halves(curve: Curve, here: Point) -> Point | None:

@@ -128,13 +128,15 @@ class Shot:
         return float(place - normal @ X[:n]), float(normal @ X[n : 2 * n] - speed)
 
     def is_motion(self, motion: Trajectory, grazing: int | None = None) -> bool:
-        """Tell whether the exact motion from here has these events, with approach speeds above 0.
+        """Tell whether the exact motion from here has these events at these times, with approach speeds above 0.
 
         The impact ``grazing`` may or may not be among them.
         """
-        words = (self.word,) if grazing is None else (self.word, self.word.without(grazing))
-        ascending = np.all(np.diff(self.times, prepend=0.0, append=1.0) > 0)
-        return bool(motion.repeats and ascending and word_of(motion) in words and self.slowest(grazing) > 0)
+        word, times = self.word, self.times
+        if grazing is not None and motion.times.size < times.size:
+            word, times = word.without(grazing), np.delete(times, grazing)
+        same = motion.repeats and word_of(motion) == word and self.slowest(grazing) > 0
+        return bool(same and np.all(np.abs(motion.times / self.span - times) < _LATER))
 
     def slowest(self, grazing: int | None = None) -> float:
         """Return the least approach speed at which a contact meets its casing, but for ``grazing``, m/s."""
