@@ -39,7 +39,6 @@ SAME = {
     "no histories": {"output": {"histories": []}},
     "other histories": {"output": {"histories": ["velocity", "temperature"]}},
     "precision": {"output": {"precision": "float32"}},
-    "balances": {"output": {"balances": False}},
     "a label of the scheme": {"schemes": {"mine": {"method": "moreau"}}, "axes": {"scheme": "mine"}},
     "options of a scheme that is not used": {"schemes": {"mine": {"method": "moreau", "theta": 0.7}}},
 }
@@ -78,6 +77,7 @@ OTHER = {
     "e": {"axes": {"e": 0.6}},
     "alpha": {"axes": {"alpha": 6.0}},
     "scheme": {"axes": {"scheme": "event_driven"}},
+    "balances, by which cases are judged": {"output": {"balances": False}},
     "option": {"schemes": {"mine": {"method": "moreau", "theta": 0.7}}, "axes": {"scheme": "mine"}},
     "reference": {"reference": {"scheme": "moreau", "h": 1e-5}},
 }
@@ -118,6 +118,11 @@ def test_what_a_scheme_does_not_read_does_not_count(scheme: str, name: str) -> N
     assert identity({**own, "alpha": 6.0}) != identity(own)
     reads_it = {"scheme": "moreau", name: ONE[name]}
     assert identity({**own, name: other}, reference=reads_it) == identity(own, reference=reads_it)
+
+
+def test_balances_do_not_count_without_steps() -> None:
+    exact = {"scheme": "event_driven"}
+    assert identity(exact, output={"balances": False}) == identity(exact)
 
 
 def test_what_only_the_reference_reads_counts() -> None:

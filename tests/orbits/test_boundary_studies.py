@@ -145,6 +145,8 @@ def test_both_are_words_of_the_case_and_no_words_change_none() -> None:
         study({"alpha": {"boundary": [8.0, 15.0, 13]}}),
         study(uncertain={"e": 0.01}),
         study(uncertain={"e": 0.02}),
+        study(uncertain={"e": 0.02, "alpha": 1}),
+        study(uncertain={"alpha": 1, "e": 0.02}),
     ]
     assert len(set(map(hashed, several))) == len(several)
     assert hashed(study({"alpha": 8.0}, {})) != hashed(study({"alpha": 8.0}, {"e": 0.01}))

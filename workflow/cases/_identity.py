@@ -59,8 +59,9 @@ def hashes_of(grid: Grid, outer: int, inner: Indices) -> NDArray[np.uint8]:
     A hash covers the solver's version, which stands for the sources of this package, and the sources of modules from
     outside that the case uses; model, conditions, duration and sampling; the scheme with its options, those of e, h
     and α that it reads, basis and mode counts (those that a tolerance decided, with the error that was found); what is
-    asked of steady rubs, temperatures over a depth, sensors, events and wear; and the reference in the same way: values
-    in SI, to the bit. Labels, titles, the place in the grid, the precision and which histories are stored do not enter.
+    asked of steady rubs, temperatures over a depth, sensors, events and wear; balances, which cases of fixed steps are
+    judged by; and the reference in the same way: values in SI, to the bit. Labels, titles, the place in the grid, the
+    precision and which histories are stored do not enter.
 
     A point of a sweep has the hash of that of the point before and of its own; ``inner`` are whole lines then.
     """
@@ -100,6 +101,7 @@ def _shared(grid: Grid, outer: int, settings: CaseSettings) -> dict[str, Any]:
         **_widths(settings.scene),
         **({} if (depth := grid.study.output.temperature_depth) is None else {"temperature_depth": depth.hex()}),
         **_steady(grid.study, settings),
+        **({} if grid.sampling.balances or "h" not in _read(settings) else {"balances": False}),
         **({} if not (sensors := grid.study.output.sensors) else {"sensors": [plain(one) for one in sensors.values()]}),
         **_events(grid.study, settings),
         **({} if (wear := grid.study.output.wear) is None else {"wear": plain(wear)}),
@@ -124,6 +126,8 @@ def _steady(study: Study, settings: CaseSettings) -> dict[str, Any]:
     branch = study.branch
     if branch is not None:
         asked["branch"] = _followed(branch)
+    if study.uncertain:
+        asked["uncertain"] = list(study.uncertain)  # the order of their rows
     if study.boundary is not None:
         asked["boundary"] = _followed(study.boundary)
     return asked
