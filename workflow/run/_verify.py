@@ -187,7 +187,7 @@ def _repeat(path: Path, grid: Grid, texts: dict[str, str], sample: int, other: l
             names = set(stored) - archive.LEFT_OUT
             again = {n: solved.values[n][k : k + 1].astype(dtype) for n, dtype in dtypes.items() if n in names}
             unlike = list(differences(stored, again))
-            if unlike and (other or grid.study.branch is not None):
+            if unlike and other:
                 allowed = sensitivity(grid, outer, inner, solved) if grid.study.branch is None else followed(again)
                 unlike = list(differences(stored, again, allowed))
                 lost = without_digits(again, allowed)
