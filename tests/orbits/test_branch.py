@@ -7,9 +7,10 @@ import pytest
 from scipy.optimize import brentq
 from test_steady_rubs import TURN, light_heat, oscillator, pressed, with_numbers
 
-from scenes import blade, blade_rub, cases, chain
+from scenes import blade, blade_rub, cases, chain, of_entries, relative
 from workflow.models import Cases, Rayleigh, Structure, critical_alpha, growth_rate
 from workflow.orbits import BIFURCATIONS, STATES, Options, branch, steady_rubs
+from workflow.orbits._branch import follow
 from workflow.orbits._curve import Problem
 from workflow.reduction import reduce_structure
 
@@ -89,6 +90,34 @@ def test_the_oscillator_of_recipes_for_continuation_grazes() -> None:
     (fold,) = flagged(values, "fold")
     assert values["value"][fold] == pytest.approx(0.1 * abs(speed) / np.hypot(place, speed), abs=1e-9)
     assert values["steady_impulse"][fold] == pytest.approx(1.8 * place / (place**2 + speed**2), rel=1e-4)
+
+
+def test_an_impact_in_the_middle_of_two_periods_is_no_doubling() -> None:
+    """The halves' velocities are exchanged there, at 367 Hz; a rub has a multiplier -1 where its period doubles."""
+    omega = 2 * np.pi * 420
+    structure = chain(nodes=1, mass=1 / 81, stiffness=omega**2 / 81, damping=Rayleigh(0.04 * omega, 0.0))
+    scene = cases(structure, e=0.3, gap=101e-6, amplitude=3.0, frequency=400.0)
+    values = followed(along("frequency", structure, scene), 360.0, 500.0, 40)
+    np.testing.assert_allclose(values["floquet_multiplier"][flagged(values, "period_doubling")], 1.0, rtol=1e-8)
+    assert np.all(values["value"][flagged(values, "period_doubling")] > 390)
+    assert set(states(values)[: flagged(values, "grazing")[0]]) == {"settles"}
+    assert values["value"][-1] == 500.0
+
+
+def test_every_rub_of_a_branch_is_a_motion_that_repeats() -> None:
+    """At 89 Hz the rub of one impact in two periods grazes: beyond it would pass through its casing before that."""
+    frequency = 2 * np.pi * np.array([420.0, 1310.0])
+    modes = {"mass": np.eye(2), "stiffness": np.diag(frequency**2), "contact": [9.0, 9.5]}
+    structure = of_entries(modes | {"damping": np.diag(0.02 * frequency)})
+
+    def problem(speed: float) -> tuple[Structure, Cases]:
+        casing = [[92e-6, 4 * speed, 0.0], [12e-6, 8 * speed, 0.0]]
+        return structure, cases(structure, e=0.3, gap=90e-6, casing_harmonics=casing)
+
+    trace = follow(problem, 5000 / 60, 7500 / 60, Options(samples=4)).trace
+    motions = [place.point.orbit.motion for place in trace]
+    assert [place.point.q for place in trace if BIFURCATIONS[place.flag] == "grazing"]
+    assert max(relative(motion.X, motion.start) for motion in motions) < 1e-6  # a grazing halves the digits
 
 
 def test_behind_a_grazing_a_branch_turns_back_to_a_rub_far_from_it() -> None:
