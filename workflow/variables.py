@@ -355,7 +355,15 @@ def _errors(name: str) -> Iterator[Variable]:
 
 TABLE = (
     Variable("displacement", "m", "displacement of the blade tip towards the casing", "history", "scheme", signed=True),
-    Variable("velocity", "m s-1", "velocity of the blade tip towards the casing", "history", "scheme", signed=True),
+    Variable(
+        "velocity",
+        "m s-1",
+        "velocity of the blade tip towards the casing",
+        "history",
+        "scheme",
+        signed=True,
+        comment="moreau and penalty: of contacts without mass that of the modes, without the rate of their residual",
+    ),
     Variable("temperature", "K", "temperature rise of the blade tip above the root", "history", "scheme", signed=True),
     Variable("impulse", "N s", "impulse of the casing on the blade tip since the start", "history", "scheme"),
     Variable(
@@ -393,8 +401,8 @@ TABLE = (
         "largest penetration of the casing by the blade tip",
         origin="scheme",
         comment=(
-            "0 where the tip never passed the casing; time-stepping schemes: at the ends of steps; event_driven: the "
-            "rounding of its samples, its motion has no penetration"
+            "0 where the tip never passed the casing; time-stepping schemes: at the ends of steps; event_driven: at its "
+            "samples, on a rigid casing their rounding"
         ),
     ),
     Variable(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from contacts.random_contacts import DURATION, drawn
-from scenes import WAVES, chain, everything_acts, halves, heavy_chain, sampling, with_dashpot
+from scenes import WAVES, cases, chain, everything_acts, halves, heavy_chain, sampling, with_dashpot
 from workflow.models import Rayleigh
 
 SMALL = heavy_chain(nodes=4)
@@ -65,6 +65,20 @@ def test_a_case_goes_on_from_the_state_in_which_another_ended(
             expected, scale = whole.histories[name][:, 10:], np.abs(whole.histories[name]).max()
             np.testing.assert_allclose(rest.histories[name], expected, rtol=0, atol=share * scale)
             np.testing.assert_allclose(end[:, -1], begun.histories[name][:, -1], atol=1e-12 * scale)
+
+
+@pytest.mark.parametrize("options", [{}, {"integration": "implicit", "theta": 0.5}], ids=["explicit", "implicit"])
+def test_a_spring_that_is_pressed_goes_on(options: dict[str, Any]) -> None:
+    """Its force at the border belongs to both halves, with its damper's, and heats once."""
+    batch = cases(SMALL, alpha=20.0, gap=1e-5, mean=200.0, amplitude=20.0, frequency=90.0)
+    whole, begun, rest = halves(
+        SMALL, batch, 1e-5, sampling(0.02, 1e-3), "penalty", stiffness=1e7, damping=20.0, **options
+    )
+    assert begun.end.displacement[0, -1] > 1e-5
+    for name in ("displacement", "temperature"):
+        np.testing.assert_allclose(rest.histories[name], whole.histories[name][:, 10:], rtol=1e-7)
+    heated = rest.histories["impulse"][:, -1] + begun.histories["impulse"][:, -1] - whole.histories["impulse"][:, -1]
+    np.testing.assert_allclose(heated, 0.0, atol=1e-7 * whole.histories["impulse"].max())
 
 
 @pytest.mark.parametrize(("method", "options"), SCHEMES)

@@ -274,7 +274,9 @@ class Curve:
                 aim = u - np.linalg.solve(matrix, np.append(residual.values, value))
             except np.linalg.LinAlgError:
                 return None
-            if not (np.abs((aim - guess)[along != 0]).max() < 1 and abs(aim[-1] - 0.5) < 0.5 + _DIFFERENCE):
+            bounded = along != 0
+            bounded[residual.flow.start.size :] = True  # times of events stay within a period
+            if not (np.abs((aim - guess)[bounded]).max() < 1 and abs(aim[-1] - 0.5) < 0.5 + _DIFFERENCE):
                 return None
             aim[-1] = min(max(aim[-1], 0.0), 1.0)
             u, last = aim, size

@@ -9,7 +9,7 @@ velocity is the central one, v_k = (w_k-½ + w_k+½)/2, which is known one step 
 impulse: p_k = hλ_k spans half a step on either side of t_k, the step from t_k to t_k+1 has the impulse
 (p_k + p_k+1)/2, and the samples satisfy the momentum balance. The first step starts from
 w_-½ = v_0 - (h/2) a_0 with the acceleration a_0 without contact: p_0 spans half a step and counts whole. A contact
-spring that starts pressed is part of a_0, as its p_0 spans a whole step.
+spring that starts pressed is part of a_0, as its p_0 spans a whole step; the temperatures at t = 0 have half its heat.
 
 Temperatures step by (τ_k+1 - τ_k)/h = -μ τ_k + χ_n α λ_k, or with μ τ_k+1 where heat is implicit: τ' = D τ.
 The temperature of a sample includes half the heat of p_k, as its impulse includes half of p_k, so that the
@@ -27,7 +27,6 @@ import numpy as np
 
 from workflow.models import Array, Cases, ContactBasis, project
 from workflow.schemes._fixed.blocks import Step, effective_mass
-from workflow.schemes._fixed.contact import Contact
 from workflow.schemes._fixed.law import CentralStep
 from workflow.schemes._fixed.loads import Start
 
@@ -116,13 +115,12 @@ class Differences:
             lagged=self.lagged,
         )
 
-    def first_velocity(self, modal: ContactBasis, h: float, cases: Cases, begins: Start, contact: Contact) -> Array:
-        """Return w_-½ = v_0 - (h/2) a_0 of the modes, ``(case, mode)``, with a_0 without contact but for a spring."""
+    def first_velocity(self, modal: ContactBasis, h: float, cases: Cases, begins: Start, force: Array) -> Array:
+        """Return w_-½ = v_0 - (h/2) a_0 of the modes, ``(case, mode)``, a_0 by no contact but springs' ``force``."""
         velocity = project(modal.to_modes, cases.velocity)
         acceleration = project(modal.shapes.T, cases.steady) + cases.load_at(0.0)[:, None] * modal.load
         damped = modal.damping * velocity if modal.damping_matrix is None else project(modal.damping_matrix, velocity)
         acceleration -= damped + modal.frequency**2 * project(modal.to_modes, cases.displacement)
         acceleration -= project(modal.coupling, project(modal.to_thermal, cases.temperature))
-        force = contact.stiffness * np.fmax(0.0, begins.displacement - begins.gap)
         along = cases.friction[:, None] * project(modal.tangent.T, force)
         return np.asarray(velocity - 0.5 * h * (acceleration - project(modal.normal.T, force) + along))

@@ -67,12 +67,18 @@ class Contact:
     positive; its name in messages."""
     stiffness: float = 0.0
     """κ of a contact spring, N/m, whose energy is not lost; 0 where there is none."""
+    damping: float = 0.0
+    """c of a damper beside it, N s/m."""
     holds: bool = False
     """Whether an impulse puts the tip on the casing exactly, without rounding."""
     rebounds: bool = False
     """Whether the scheme gives the metric ``effective_restitution``."""
     by_place: bool = False
     """Whether an impulse is h times the force at the step's end, as of a contact without mass that keeps its place."""
+
+    def force(self, depth: Array, speed: Array) -> Array:
+        """Return the force of spring and damper, N: max(0, κ δ + c u) where the depth δ > 0."""
+        return np.where(depth > 0, np.fmax(0.0, self.stiffness * depth + self.damping * speed), 0.0)
 
     def force_weight(self, theta: float) -> float:
         """Return the weight of the force at a step's end in its impulse over h."""

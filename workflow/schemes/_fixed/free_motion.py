@@ -449,14 +449,19 @@ class InitialState:
     ``(block, case)``."""
 
 
-def start(blocks: Blocks, cases: Cases, velocity: Array) -> InitialState:
-    """Return the initial states of cases with a modal ``velocity`` ``(case, mode)``, at -h/2 in central differences."""
+def start(blocks: Blocks, cases: Cases, velocity: Array, force: Array) -> InitialState:
+    """Return the initial states of cases with a modal ``velocity`` ``(case, mode)``, at -h/2 in central differences.
+
+    These have half the heat of springs with a ``force`` ``(case, contact)`` less: their first step adds all of it.
+    """
     modal, h, c, k = blocks.modal, blocks.step.tip.h, blocks.damping[:, None], blocks.stiffness[:, None]
     conducting, elastic = modal.rate > 0, modal.frequency > 0
     heating = project(modal.heat_shapes.T, cases.heating)
     settled = np.where(conducting, heating / np.where(conducting, modal.rate, 1.0), 0.0)
     warming = np.where(conducting, 0.0, heating)
     heat = project(modal.to_thermal, cases.temperature) - settled
+    if blocks.step.is_central:
+        heat -= project(modal.heat.T, 0.5 * h * cases.alpha[:, None] * force)
 
     load = project(modal.shapes.T, cases.steady) - np.where(elastic, project(modal.coupling, settled), 0.0)
     constant = blocks.of_impulses(h * load.T) + blocks.of_heat(h * warming.T)

@@ -221,10 +221,10 @@ def _of_cases(table: Array, cases: Cases) -> Array:
 
 def _rows_of_contacts(
     blocks: Blocks,
-    contact: Contact,
     free: FreeStep,
     cases: Cases,
     velocity: Array,
+    force: Array,
     begins: Start,
     ambiguous: NDArray[np.bool_],
 ) -> Array:
@@ -238,11 +238,12 @@ def _rows_of_contacts(
     acts["mobility"] = np.where(ambiguous.T, np.nan, _of_cases(own.delassus, cases))
     if modal.contacts.is_compliant:
         acts["sinking"] = _of_cases(own.sinking, cases)
-        acts["force"] = contact.stiffness * np.fmax(0.0, begins.displacement - begins.gap).T
     for name in ("place", "speed", "origin", "origin_speed"):
         acts[name] = getattr(begins, name).T
     if blocks.step.is_central:
         acts["speed"] = (project(modal.normal, velocity) - begins.origin_speed).T
+    else:
+        acts["force"] = force.T
     acts["casing"], acts["level"] = cases.clearances.T, np.inf
     return rows
 
@@ -253,21 +254,24 @@ def step_batch(
     contact: Contact,
     cases: Cases,
     velocity: Array,
+    force: Array,
     sampling: Sampling,
     drive: DriveRows | None,
     begins: Start,
 ) -> Ended:
     """Step all cases by a scheme's step, from contacts that start as in ``begins``.
 
-    ``velocity`` is the initial one of the modes, ``(case, mode)``, of central differences half a step before t = 0.
+    ``velocity`` is the initial one of the modes, ``(case, mode)``, of central differences half a step before t = 0;
+    ``force`` that of the contacts' springs at t = 0, N, ``(case, contact)``.
     """
-    modal, step, begun, contacts = blocks.modal, blocks.step, start(blocks, cases, velocity), len(blocks.modal.normal)
+    modal, step, contacts = blocks.modal, blocks.step, len(blocks.modal.normal)
+    begun = start(blocks, cases, velocity, force)
     sensors, sensing = sensing_of(blocks, cases, begun)
     free = free_step(blocks, contact, begun.drifting, sensors)
     watched = stepping.watch(structure, cases, sampling, step.tip.h, begins, drive)
     ambiguous = divisors(step, modal, contact, cases.alpha, cases.friction) <= 0
     rows_of_cases = np.zeros((rows_in(Own), cases.count))
-    rows_of_contacts = _rows_of_contacts(blocks, contact, free, cases, velocity, begins, ambiguous)
+    rows_of_contacts = _rows_of_contacts(blocks, free, cases, velocity, force, begins, ambiguous)
     own, acts = named_rows(Own, rows_of_cases), cast(Any, named_rows(Acting, rows_of_contacts))
     own.alpha, own.friction = cases.alpha, cases.friction
     acts["drift"], acts["warmth"], acts["warming"] = begun.drift.T, begun.warmth.T, begun.warming.T

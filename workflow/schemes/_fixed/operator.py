@@ -38,8 +38,11 @@ class Method(Protocol):
         """Return the coefficients of the step."""
         ...
 
-    def first_velocity(self, modal: ContactBasis, h: float, cases: Cases, begins: Start, contact: Contact) -> Array:
-        """Return the velocity of the modes with which the march begins, ``(case, mode)``."""
+    def first_velocity(self, modal: ContactBasis, h: float, cases: Cases, begins: Start, force: Array) -> Array:
+        """Return the velocity of the modes with which the march begins, ``(case, mode)``.
+
+        ``force`` is that of the contacts' springs at t = 0, N, ``(case, contact)``.
+        """
         ...
 
     def amplification(self, frequency: Array, damping: Array, h: float) -> Any:
@@ -70,8 +73,9 @@ class Operator:
         h, contact, blocks = self.h, self.contact, self.blocks if heated else self.blocks.without_heat()
         flexibility = 1 / contact.stiffness if contact.stiffness > 0 else 0.0
         drive, begins = start_of(self.structure, cases, h, blocks.step.theta, sampling.duration, flexibility)
-        velocity = self.method.first_velocity(blocks.modal, h, cases, begins, contact)
-        ended = step_batch(self.structure, blocks, contact, cases, velocity, sampling, drive, begins)
+        force = contact.force(begins.displacement - begins.gap, begins.speed)
+        velocity = self.method.first_velocity(blocks.modal, h, cases, begins, force)
+        ended = step_batch(self.structure, blocks, contact, cases, velocity, force, sampling, drive, begins)
         # squared: the state of a growing contact may be finite where its energy is not
         last = [ended.watched.contact[name] for name in ("displacement", "velocity", "temperature", "impulse")]
         finite = np.asarray(np.isfinite(np.square(last)).all(axis=(0, 1)))
@@ -87,9 +91,10 @@ class Operator:
             free = float(np.abs(self.method.amplification(modal.frequency, modal.damping, h)).max(initial=0.0))
         heat = float(np.abs(blocks.step.decay).max(initial=0.0))
         if max(free, heat) > 1 + ROUNDING:
-            limit = limit_text(self.method.largest_stable_step(modal.frequency, modal.damping, modal.rate), 7)
             what = f"{'free step' if free >= heat else 'explicit heat step'} grows {max(free, heat):.6g}-fold"
-            grown = f"the {what} at h = {h:.6g} s; {self.method.limit_is} {limit} s"
+            limit = limit_text(self.method.largest_stable_step(modal.frequency, modal.damping, modal.rate), 7)
+            remedy = f"{self.method.limit_is} {limit} s" if modal.damping_matrix is None else "take a smaller step"
+            grown = f"the {what} at h = {h:.6g} s; {remedy}"
         left = f"the state left the finite numbers at h = {h:.6g} s"
         return judged(finite, ambiguous & (grown is None), explain, grown, left)
 

@@ -107,6 +107,7 @@ def theta_contact(theta: float, stiffness: float, damping: float) -> Contact:
         factor,
         "1 + hθW (hθκ + c)",
         stiffness=stiffness,
+        damping=damping,
         rebounds=True,
     )
 
@@ -118,5 +119,6 @@ def central_contact(stiffness: float, damping: float) -> Contact:
         lambda h, w: 1 + 0.5 * h * damping * w,
         "1 + hcW/2",
         stiffness=stiffness,
+        damping=damping,
         rebounds=True,
     )

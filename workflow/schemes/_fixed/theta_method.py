@@ -56,7 +56,7 @@ class ThetaMethod:
             lagged=False,
         )
 
-    def first_velocity(self, modal: ContactBasis, h: float, cases: Cases, begins: Start, contact: Contact) -> Array:
+    def first_velocity(self, modal: ContactBasis, h: float, cases: Cases, begins: Start, force: Array) -> Array:
         """Return the velocity of the modes at t = 0, ``(case, mode)``."""
         return project(modal.to_modes, begins.coordinate_velocity)
 
