@@ -218,6 +218,11 @@ def test_what_a_sweep_does_not_stand_beside_is_refused(parts: dict[str, Any], me
     assert message in refusal(sweep, **parts)
 
 
+def test_steps_end_with_the_duration_up_to_rounding() -> None:
+    assert 9 * 1e-3 != 0.009
+    assert sweep(scene={"duration": 9 * 1e-3}).swept is not None
+
+
 def test_a_plan_counts_lines(tmp_path: Path) -> None:
     study = sweep({**LINES, **SHORT})
     plan = plan_study(study)
