@@ -401,8 +401,8 @@ TABLE = (
         "largest penetration of the casing by the blade tip",
         origin="scheme",
         comment=(
-            "0 where the tip never passed the casing; time-stepping schemes: at the ends of steps; event_driven: at its "
-            "samples, on a rigid casing their rounding"
+            "0 where the tip never passed the casing; time-stepping schemes: at the ends of steps; event_driven: at "
+            "its samples, on a rigid casing their rounding"
         ),
     ),
     Variable(
