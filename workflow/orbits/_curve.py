@@ -87,7 +87,7 @@ class Point:
     row: Array
     """… in the scalar product with this row, without velocities and times, which vibrations after an impact change."""
     regular: float
-    """Determinant of the curve's conditions and the row: 0 where another curve crosses."""
+    """:func:`signed_distance` of the curve's conditions and the row: 0 where another curve crosses."""
     arclength: float = 0.0
     """Arclength."""
 
@@ -274,9 +274,7 @@ class Curve:
                 aim = u - np.linalg.solve(matrix, np.append(residual.values, value))
             except np.linalg.LinAlgError:
                 return None
-            bounded = along != 0
-            bounded[residual.flow.start.size :] = True  # times of events stay within a period
-            if not (np.abs((aim - guess)[bounded]).max() < 1 and abs(aim[-1] - 0.5) < 0.5 + _DIFFERENCE):
+            if not (np.abs((aim - guess)[along != 0]).max() < 1 and abs(aim[-1] - 0.5) < 0.5 + _DIFFERENCE):
                 return None
             aim[-1] = min(max(aim[-1], 0.0), 1.0)
             u, last = aim, size
@@ -313,10 +311,12 @@ class Curve:
         return Residual(u, frame, flow, out @ motion.X - u[:-1], matrix, none[:, 0], none, mapped=(motion, D))
 
     def _shot(self, u: Array, frame: Frame, word: Word) -> Residual | None:
-        """Return the residual of the motion over given times of events."""
+        """Return the residual of the motion over given times of events, which stay near the period."""
         flow = self.flow(u[-1])
         out, into = self._charts(flow)
         N = len(out)
+        if np.abs(u[N:-1] - 0.5).max(initial=0.0) > 1:
+            return None
         begin, span = frame.phase * flow.period, frame.order * flow.period
         shot = shoot(flow, word, into @ u[:N], begin, span, u[N:-1])
         slopes = shot.X_slope, shot.signals_slope, shot.approach_slope
@@ -353,7 +353,7 @@ class Curve:
         row = tangent.copy()
         row[n : 2 * n] = row[N:-1] = 0.0
         length = np.sqrt(row @ tangent)
-        regular = float(np.linalg.det(np.vstack([matrix[:-1], row / length])))
+        regular = signed_distance(np.vstack([matrix[:-1], row / length]))
         return Point(residual, tangent / length, row / length, regular)
 
     def _charts(self, flow: Flow) -> tuple[Array, Array]:
@@ -401,6 +401,14 @@ class Curve:
             return np.append(out @ flow.march(X, frame.was_closed, begin, later * span).X, u[-1])
         X = shoot(flow, frame.word, X, begin, span, times).at(later, i)
         return np.concatenate([out @ X, times[i:] - later, times[:i] + 1 - later, u[-1:]])
+
+
+def signed_distance(matrix: Array) -> float:
+    """Return the distance of a matrix from a singular one, with the sign of its determinant.
+
+    The determinant itself is rounding where many bounces, each lower than the one before, are conditions.
+    """
+    return float(np.linalg.slogdet(matrix)[0] * np.linalg.svd(matrix, compute_uv=False)[-1])
 
 
 def section_beside(times: Array) -> float | None:
