@@ -144,12 +144,12 @@ def head_of(name: str, text: str) -> Callable[[Path], Path]:
     return write
 
 
-def calculix(stiffness: str, mass: str = "1 1 1.0\n2 2 1.0\n") -> Callable[[Path], Path]:
+def calculix(stiffness: str, mass: str = "1 1 1.0\n2 2 1.0\n", freedoms: str = "1.1\n1.2\n") -> Callable[[Path], Path]:
     """Return what writes CalculiX's files of two freedoms."""
 
     def write(tmp_path: Path) -> Path:
         path = tmp_path / "blade.sti"
-        for suffix, text in ((".sti", stiffness), (".mas", mass), (".dof", "1.1\n1.2\n")):
+        for suffix, text in ((".sti", stiffness), (".mas", mass), (".dof", freedoms)):
             path.with_suffix(suffix).write_text(text)
         return path
 
@@ -217,6 +217,10 @@ HOSTILE: dict[str, tuple[Callable[[Path], Path], str]] = {
     "one name twice": (output4("mass", "KAA", "mass"), "`mass` is there twice"),
     "CalculiX, empty": (calculix(""), "`blade.sti` has 0 rows for the 2 labels of `blade.dof`: take"),
     "CalculiX, cut off": (calculix("1 1 1.0\n"), "`blade.sti` has 1 rows for the 2 labels"),
+    "CalculiX, a label cut off": (
+        calculix("1 1 1.0\n2 2 1.0\n", freedoms="1.1\n1."),
+        "`blade.dof`, line 2: `1.` is not node.direction",
+    ),
     "CalculiX, a cyclic sector": (calculix("1 1 1.0\n4 4 1.0\n"), "has 4 rows .* a cyclic sector, which is not taken"),
     "text of another kind": (
         calculix("a line of words\n"),

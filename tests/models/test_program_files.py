@@ -212,6 +212,10 @@ REFUSED_CARDS = {
         card("DMIG", "KAAX", 0, 6, 2) + "$\n" + card("DMIG", "KAAX", 1, 1, "", 1, 1, "1.2345678", "9"),
         "`blade.pch`, line 3: `1 1 1 1 1.234567 89` is not nodes, components and a real number",
     ),
+    "a number cut off": (LARGE[: LARGE.index("D+00\nDMIG    BAAX")], "line 16: `.* 1.000000000` is not an entry and"),
+    "small, without the last end": (SMALL[: -len("\nENDDATA\n")], "line 13: `DMIG  .* 1` is not an entry and the end"),
+    "free, cut in a column's head": (FREE[: -len(", , 10, , 1.\n")], "line 11: `DMIG, MGG , 10, 0` is not an entry"),
+    "cut within": (LARGE.replace("3.000000000D+03", "3.000000000D"), "line 6: `1 2 1 2 3.000000000D` is not nodes"),
 }
 
 

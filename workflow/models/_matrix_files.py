@@ -153,6 +153,7 @@ _ABAQUS = re.compile(r"(.+_)STIF([0-9]+)\.mtx")
 _OF_ABAQUS = {"STIF": "stiffness", "MASS": "mass", "DMPV": "damping", "DMPS": STRUCTURAL, "LOAD": "load"}
 _OF_NASTRAN = {"m": "mass", "k": "stiffness", "b": "damping", "k4": STRUCTURAL}
 _NASTRAN = {f"{short}{freedoms}": name for short, name in _OF_NASTRAN.items() for freedoms in ("aa", "gg", "aax")}
+_LABEL = rf"{INDEX}\.{INDEX}"
 _COORDINATES = rf"{INDEX}{GAP}{INDEX}{GAP}{NUMBER}"
 _FREEDOM = rf"-?{INDEX}{GAP}[0-9]{{1,3}}"
 _NODES = rf"{_FREEDOM}{GAP}{_FREEDOM}{GAP}{NUMBER}"
@@ -337,7 +338,8 @@ def _txt(place: Path) -> dict[str, Any]:
 
 
 def _calculix(place: Path) -> dict[str, Any]:
-    labels = np.array(place.with_suffix(".dof").read_bytes().split())
+    freedoms = place.with_suffix(".dof")
+    labels = np.array(in_c(freedoms.read_text(encoding="latin-1"), _LABEL, "node.direction", freedoms.name).split())
     entries: dict[str, Any] = {"labels": labels}
     for name, suffix in (("stiffness", ".sti"), ("mass", ".mas")):
         part = place.with_suffix(suffix)
@@ -418,7 +420,9 @@ def _punch(place: Path) -> dict[str, Any]:
     A header has the name, 0, the form and the type; a column its node and component, and from the fifth field on four
     fields for each row: node, component, real and imaginary part. Source: MSC Nastran Quick Reference Guide, DMIG.
     """
-    lines = place.read_text(encoding="latin-1").expandtabs().splitlines()
+    whole = place.read_text(encoding="latin-1")
+    in_c(whole, ".*", "an entry", place.name)
+    lines = whole.expandtabs().splitlines()
     heads: list[tuple[str, str, str]] = []
     texts: dict[str, dict[int, str]] = {}
     name = column = ""
