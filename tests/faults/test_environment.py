@@ -73,7 +73,7 @@ def test_a_worker_that_dies_as_it_starts_is_told(tmp_path: Path) -> None:
         _, said = process.communicate(timeout=60)
     assert process.returncode == 2, said
     assert "worker processes could not be started: " in said
-    assert said.rstrip().endswith("what was done is stored beside " + str(tmp_path / "a.nc"))
+    assert "stored beside" not in said
 
 
 @pytest.mark.parametrize("mode", [0o640, 0o600, 0o664])

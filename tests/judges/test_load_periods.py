@@ -81,3 +81,11 @@ def test_the_change_of_the_mean_impulse_is_of_the_last_quarters() -> None:
         change_of_impulse(impulse[:, None].repeat(2, axis=1)), expected[:, None].repeat(2, axis=1)
     )
     assert change_of_impulse(impulse[0]) < SETTLED
+
+
+@pytest.mark.parametrize(
+    ("periods", "repetitions"), [(84, [2, 3, 4, 6, 12]), (62, [2, 3, 4, 6]), (31, [2, 3, 6]), (14, [2])]
+)
+def test_a_rub_that_repeats_itself_over_several_periods_has_settled(periods: int, repetitions: list[int]) -> None:
+    for each in repetitions:
+        assert change_of_impulse(np.arange(periods) % each == 0.0) == 0.0

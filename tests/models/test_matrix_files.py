@@ -119,6 +119,12 @@ def pickled(tmp_path: Path) -> Path:
     return path
 
 
+def text_npz(tmp_path: Path) -> Path:
+    path = tmp_path / "a.npz"
+    path.write_text("1 0\n0 1\n")
+    return path
+
+
 def lying_npz(tmp_path: Path) -> Path:
     """A header of more than is there."""
     path = as_npz(ENTRIES, tmp_path)
@@ -182,6 +188,7 @@ BOEING = (
 )
 HOSTILE: dict[str, tuple[Callable[[Path], Path], str]] = {
     "pickle": (pickled, "no NPZ file, or damaged: Object arrays cannot be loaded"),
+    "text as NPZ": (text_npz, "`a.npz` is no NPZ file, or damaged: it is no ZIP archive, as numpy.savez writes"),
     "NPZ header that lies": (lying_npz, "no NPZ file, or damaged"),
     "Matrix Market header that lies": (sized("5 5 100000000000"), "no MTX file, or damaged"),
     "Matrix Market header of a giant": (sized("4000000000 4000000000 1"), "at most"),

@@ -65,7 +65,7 @@ def run(
                 workers=workers, scheduler=scheduler, retry=retry, recompute=recompute, drop=drop,
             )  # fmt: skip
     except ClusterError as error:
-        print_error(f"{error}; {_stored(follower)} {archive}")
+        print_error(f"{error}{_stored(follower, archive)}")
         raise typer.Exit(WRONG) from None
     if not (quiet and outcome.ok):
         _tell(outcome)
@@ -79,13 +79,13 @@ def _refuse_several(options: dict[str, Any]) -> None:
 
 
 def _stopped(archive: Path, follower: Follower) -> str:
-    return clean(f"stopped; {_stored(follower)} {archive}, the same command goes on from there")
+    return clean(f"stopped{_stored(follower, archive)}, the same command goes on from there")
 
 
-def _stored(follower: Follower) -> str:
-    if follower.advance is None:
-        return "what was done is stored beside"
-    return f"{follower.advance.stored} of {follower.advance.cases} cases are stored beside"
+def _stored(follower: Follower, archive: Path) -> str:
+    """Return how many cases are stored, nothing where the run has not come to its cases."""
+    done = follower.advance
+    return f"; {done.stored} of {done.cases} cases are stored beside {archive}" if done else ""
 
 
 def _tell(outcome: Outcome) -> None:

@@ -29,11 +29,13 @@ SETTLED, FEWEST = 0.05, 8
 def change_of_impulse(impulse: Array) -> Array:
     """Return the change of the mean impulse of a load period from the third quarter of the periods to the last.
 
+    A quarter is cut to a multiple of 12 periods, a shorter one of 6 or of 2: whole repetitions over 2, 3, 4 and 6.
     |p₄ - p₃|/max(p₄, p₃), ``(…)``, of impulses ``(…, period)`` that are NaN behind a case's last period; 0 without
     contact, NaN of fewer than :data:`FEWEST` periods. A rub has settled where no contact exceeds :data:`SETTLED`.
     """
     count = np.isfinite(impulse).sum(axis=-1, keepdims=True)
     ago, quarter = count - np.arange(impulse.shape[-1]), count // 4  # 1 of the last period
+    quarter -= quarter % np.select([quarter >= 12, quarter >= 6], [12, 6], 2)
     last, before = (
         np.where((ago > k * quarter) & (ago <= (k + 1) * quarter), impulse, 0.0).sum(axis=-1) for k in range(2)
     )

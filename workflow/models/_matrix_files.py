@@ -35,6 +35,7 @@ from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
+from zipfile import is_zipfile
 
 import numpy as np
 
@@ -248,6 +249,8 @@ def in_unicode(name: str, value: Any) -> Any:
 def _npz(place: Path) -> dict[str, Any]:
     from scipy import sparse  # here and below: reading a study needs none of it
 
+    if not is_zipfile(place):
+        raise ValueError("it is no ZIP archive, as numpy.savez writes")
     with np.load(place, allow_pickle=False) as arrays:
         entries = dict(arrays)
         found = [(name, PART.fullmatch(name)) for name in arrays]

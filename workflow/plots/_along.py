@@ -231,14 +231,14 @@ STEADY = {
 """Variables of the steady rub whose load periods have others; those of other variables begin with ``steady_``."""
 
 
-_LAST_PERIODS = 8
-"""Load periods of a point of a sweep that are drawn: a rub may repeat itself after two, four or eight."""
+_LAST_PERIODS = 12
+"""Load periods of a point of a sweep that are drawn: whole repetitions of a rub over two, three, four or six."""
 
 
 def sweep(up: xr.Dataset, variable: str, down: xr.Dataset | None = None, branch: xr.Dataset | None = None) -> Figure:
     """Draw a variable along a sweep, and a branch behind it.
 
-    Of a variable of load periods the last eight of each point are dots, and their mean is the line. Of all other
+    Of a variable of load periods the last twelve of each point are dots, and their mean is the line. Of all other
     dimensions the smallest step, the most modes and the largest α are shown: select what else is shown before. Of the
     branch its stable rubs are solid, unstable ones dashed.
 

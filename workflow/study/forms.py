@@ -297,7 +297,9 @@ def record(
         for key in unknown:
             elsewhere = (moved or {}).get(key)
             problem = "does not belong here" if elsewhere else f"{quoted(key)} {UNKNOWN}"
-            sign = "write a point, not a comma, before decimals" if str(key)[:1].isdigit() else None
+            sign = (
+                "write a point, not a comma, before decimals, or a list in brackets" if str(key)[:1].isdigit() else None
+            )
             sign = "write a space after the colon, and a value" if ":" in str(key) else sign
             faults.append(((key,), problem, elsewhere or sign or one_of(key, entries)))
         try:

@@ -33,7 +33,7 @@ _SPOKEN = {
     "s": ("a time", "seconds", "1 ms"),
     "kg": ("a mass", "kilograms", "2.5 g"),
     "K": ("a temperature difference", "the rise above the root in kelvin", "20 K"),
-    "Hz": ("a frequency", "hertz", "5 Hz"),
+    "Hz": ("a frequency", "hertz or rpm", "5 Hz"),
     "rad": ("an angle", "radians", "90 deg"),
     "N": ("a force", "newtons", "24 N"),
     "W": ("a heat load", "watts", "2 W"),
