@@ -220,7 +220,7 @@ def steady_variables() -> Iterator[Variable]:
 
 def _of_boundaries() -> Iterator[Variable]:
     """Yield the variables of boundaries, but for the two numbers along them, and of shifts of bifurcations."""
-    turns = "signed, to first order; infinite where the boundary turns, NaN of points without a bifurcation"
+    turns = "signed, to first order; infinite where the boundary turns, NaN without a bifurcation or its boundary"
     defined: Any = {"signed": True, "may_be_undefined": True}
     meaning = "by how much a bifurcation moves along the branched axis, for the change uncertain_value of a number"
     yield Variable("bifurcation_shift", "", meaning, "uncertain point", condition="uncertain", comment=turns, **defined)

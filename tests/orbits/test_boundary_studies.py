@@ -10,6 +10,7 @@ import xarray as xr
 from typer.testing import CliRunner
 
 from workflow import labels, plots, read_study, run_study
+from workflow.analysis import limit_lines, limits
 from workflow.archive import open_archive
 from workflow.cases import arrange, case_hashes
 from workflow.cli import app
@@ -199,6 +200,10 @@ def test_limits_print_the_boundary_and_how_its_end_moves(folds: Path) -> None:
     assert len(rows) == 5
     assert "within" in count
     assert "arms of this branch" in arms
+    archive = read(folds)
+    lacks = archive.assign(bifurcation_shift=archive["bifurcation_shift"].where(archive["uncertain"] != "e"))
+    moves = limit_lines(limits(lacks), lacks, {})[1]
+    assert moves == "gap up to 0.00164761 ± 1.3e-05 m (alpha ± 1 W/N), ± unknown (e ± 0.01), to first order."
 
 
 def shaded(archive: xr.Dataset) -> list[Any]:

@@ -281,3 +281,6 @@ def test_both_jumps_of_an_impact_oscillator_are_where_branches_end(tmp_path: Pat
     figure = plots.sweep(up, "period_impulse", down, impacts)
     named = figure.axes[0].get_legend_handles_labels()[1]
     assert named == ["branch, stable", "branch, unstable", "sweep up", "sweep down"]
+    every_third = up["period_impulse"].where(up["period_impulse"].isnull(), np.arange(up.sizes["period"]) % 3 == 0)
+    means = plots.sweep(up.assign(period_impulse=every_third), "period_impulse").axes[0].get_lines()[-1].get_ydata()
+    assert np.ptp(means) < 1e-12 * np.max(means)

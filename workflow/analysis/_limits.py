@@ -373,9 +373,10 @@ def _shift_lines(limit: Limit, dataset: xr.Dataset) -> Iterator[str]:
         at = (axis == value) & (dataset["bifurcation"] > 0)
         largest = shifts.where(at).max([dim for dim in shifts.dims if dim != "uncertain"]).values
         moves = [
-            f"± {shift:.2g} {unit_of(axis)} ({of})" for shift, of in zip(largest, changes, strict=True) if shift >= 0
+            f"± {f'{shift:.2g} {unit_of(axis)}' if shift >= 0 else 'unknown'} ({of})"
+            for shift, of in zip(largest, changes, strict=True)
         ]
-        if moves:
+        if at.any():
             side = "up" if value > other else "down"
             yield f"{limit.axis.replace('_', ' ')} {side} to {value:.6g} {', '.join(moves)}, to first order."
 

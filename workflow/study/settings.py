@@ -218,8 +218,8 @@ class WearMap:
 
 
 _BALANCES = (
-    "whether to keep energy_residual and heat_residual, with which a step takes about 50 % longer; of several contacts, "
-    "or of one without mass, only where true is written"
+    "whether to keep energy_residual and heat_residual, with which a step takes about 50 % longer; of several contacts "
+    "and of one without mass only where true is written"
 )
 _DEPTH = "depth from the tip over which a mean temperature is kept; each case runs twice for it"
 _EVENTS = "most events of a case of event_driven that are listed: impacts, and contacts that begin or end"
