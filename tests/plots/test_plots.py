@@ -191,6 +191,14 @@ def test_ticks_of_a_metric_along_axes_are_apart() -> None:
     assert [tick.get_text() for tick in figure.axes[0].get_xticklabels()] == list(SCHEMES)
 
 
+@pytest.mark.parametrize("axes", [{"alpha": [0, 1]}, {"alpha": [0, 1], "gap": [1e-5, 2e-5]}])
+def test_the_legend_of_few_axes_is_inside_the_figure(axes: dict[str, list[float]]) -> None:
+    figure = metric_by_axis(grid(**axes), "contact_impulse")
+    for name in places(figure, figure.legends[0].get_texts()):
+        assert name.x0 >= 0
+        assert name.x1 <= figure.bbox.x1
+
+
 def test_axes_that_vary_together_show_their_values() -> None:
     archive = grid(rub=[0, 1], alpha=[0.0, 1.0]).drop_vars("rub")
     archive = archive.assign_coords(

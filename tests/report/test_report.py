@@ -21,7 +21,16 @@ from workflow.archive import ArchiveError, open_archive
 from workflow.plots._units import scaled
 from workflow.report import ReportFiles, write_report
 from workflow.report import _sections as sections
-from workflow.report._explorer import described, on_screen, per_period, shown_part, thinned, thinned_times, three_digits
+from workflow.report._explorer import (
+    _window,
+    described,
+    on_screen,
+    per_period,
+    shown_part,
+    thinned,
+    thinned_times,
+    three_digits,
+)
 from workflow.report._figures import case_figures
 from workflow.run import run_study
 from workflow.study import read_study, readable
@@ -68,6 +77,24 @@ def test_extrapolated_impulses_are_never_negative() -> None:
     drawn = per_period(np.tile([1.0, 0.0], 9)[:-1], growth=100 * np.log(4), frequency=100.0)["predicted"]
     assert drawn[-2:] == pytest.approx([0.0, 1.0])
     assert np.isnan(drawn[:-2]).all()
+
+
+def test_impulses_of_cases_without_heat_are_not_extrapolated(archives: list[Path]) -> None:
+    """The growth rate is of permanent contact with its heat."""
+    load = {"load": {"amplitude": 100.0, "frequency": 50.0}}
+    with open_archive(archives[0]) as archive:
+        case = archive.isel(model=0, e=0).sel(scheme="event_driven", h=1e-4)
+        for alpha in (2.0, 0.0):
+            cases = described(case.assign_coords(alpha=alpha), (0,), {}, load)["cases"]
+            assert ("Dashed" in cases["entries"]["0"]["periods"]["text"]) == (alpha > 0)
+
+
+def test_a_page_shows_the_last_of_many_load_periods() -> None:
+    """On its narrow panel a casing that moves is a field of dashes from about 40 on."""
+    shown = _window(np.linspace(0.0, 0.3, 1001), frequency=200.0)
+    assert shown is not None
+    assert shown["start"] == pytest.approx(0.2)
+    assert _window(np.linspace(0.0, 0.2, 1001), frequency=200.0) is None
 
 
 def test_a_report_draws_speed_against_error(reports: list[ReportFiles]) -> None:

@@ -60,7 +60,7 @@ def metric_by_axis(archive: xr.Dataset, metric: str) -> Figure:
         panel.set_xlabel(fill(title, int(width / _LETTER)), fontsize=9)
         trim(panel)
     panels[0].set_ylabel(f"{metric.replace('_', ' ')} [{analysis.unit_of(archive[metric]) or 1}]")
-    legend_below(figure, panels[0].get_legend_handles_labels(), 2)
+    legend_below(figure, panels[0].get_legend_handles_labels(), min(len(axes), 2))
     head(figure, analysis.contact_text(archive))
     return figure
 

@@ -308,6 +308,8 @@ def _cases(part: xr.Dataset, order: Sequence[int], scene: Mapping[str, Any]) -> 
 
     ``None`` where the archive keeps none of these.
     """
+    if "growth_rate" in part:  # which tells nothing of the heat where a contact makes none
+        part = part.assign(growth_rate=part["growth_rate"].where(part["alpha"] > 0))
     names = [name for name in HISTORIES if name in part] if "t" in part.coords and part.sizes["t"] > 1 else []
     orbits = ORBIT if ORBIT[0] in part and "point" not in part.dims else ()
     contacts = part.sizes.get(_CONTACT, 0)
@@ -418,9 +420,9 @@ def _unit(part: xr.Dataset, name: str) -> tuple[str, float]:
 
 
 def _window(t: Array, frequency: float) -> dict[str, Any] | None:
-    """Return from when on histories of very many load periods are shown, the last of them, and a remark."""
+    """Return from when on histories of many load periods are shown, the last of them, and a remark."""
     periods, shown = frequency * np.ptp(t) if t.size else 0.0, 20
-    if not (periods > 60 and t.size > 6 * periods):
+    if not (periods > 40 and t.size > 6 * periods):
         return None
     text = f"The last {shown} of {periods:.0f} load periods; the reset tool shows all."
     return {"start": t[-1] - shown / frequency, "text": text}
