@@ -63,6 +63,7 @@ CHANGED = [
     (22, "midpoint: {method: m", "midpoint: {method: nm", "schemes.midpoint.method", "no method", "`moreau`"),
     (22, "midpoint: {method: moreau,", "midpoint: {", "schemes.midpoint", "`method` is missing", "moreau"),
     (24, "[implicit_euler, midpoint]", "[implicit_euler, midpiont]", "axes.scheme[1]", "none of", "`midpoint`"),
+    (25, "e: [0, 0.5, 0.9]", "e: 0, 0.5", "axes.e", "`0, 0.5` is no number as YAML", "or a list in brackets"),
     (25, "e: [0, 0.5, 0.9]", "e: []", "axes.e", "is empty", "at least one"),
     (25, "e: [0, 0.5, 0.9]", "e: [0, 0.5, 0.5]", "axes.e", "has `0.5` twice", "distinct"),
     (25, "e: [0, 0.5, 0.9]", "e: [0, [0.5]]", "axes.e[1]", "not a single value", "single"),

@@ -30,7 +30,7 @@ def test_numbers_come_back_bit_for_bit(number: float) -> None:
     assert read_quantity(repr(number), Quantity("1", "ratio")) == number
 
 
-OTHER_NOTATION = re.compile(r"[-+]?(\d|\.\d)[\d.eE]*[dDqQ_',+-]+\d")
+OTHER_NOTATION = re.compile(r"[-+]?(\d|\.\d)[\d.eE]*[dDqQ_',+-]+ ?\d")
 """How numbers of Fortran, of spreadsheets and of people begin that YAML does not read."""
 
 
@@ -112,7 +112,7 @@ def test_any_text_is_a_number_or_a_mistake(text: str) -> None:
     else:
         return
     if remedy != "write metres, e.g. `0.5 mm`":
-        assert remedy == "write a point and an e, as in 1500 or -1.5e-3"
+        assert remedy == "write a point and an e, as in 1500 or -1.5e-3, or a list in brackets"
         assert OTHER_NOTATION.match(text.strip())
 
 

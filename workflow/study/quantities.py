@@ -18,7 +18,7 @@ from workflow.declare import NUMBER, Quantity, UnitError, unit_factors
 from workflow.study.mistakes import quoted, wrong
 
 _NUMBER = re.compile(NUMBER)
-_NOT_WHOLE = re.compile(r"[dDqQ][-+]?[0-9]|[-+,'_][0-9]")
+_NOT_WHOLE = re.compile(r"[dDqQ][-+]?[0-9]|[-+'_][0-9]|, ?[0-9]")
 """What follows a number in other notations: ``1.0d1`` are no days, and a comma is no point."""
 
 _DEGREES = "°º˚"
@@ -182,7 +182,8 @@ def _converted(text: str, declared: Quantity, kind: str, remedy: str) -> float:
     if number is None:
         raise wrong(f"{quoted(text)} is not {kind}", remedy)
     if _NOT_WHOLE.match(stripped, number.end()):
-        raise wrong(f"{quoted(text)} is no number as YAML writes it", "write a point and an e, as in 1500 or -1.5e-3")
+        written = "write a point and an e, as in 1500 or -1.5e-3, or a list in brackets"
+        raise wrong(f"{quoted(text)} is no number as YAML writes it", written)
     unit = _DEGREE.sub("deg", stripped[number.end() :].strip())
     if not unit and declared.unit != "1":
         raise wrong(f"{quoted(text)} is a string without a unit", remedy)
