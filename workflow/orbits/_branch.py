@@ -319,10 +319,15 @@ _TESTS: dict[int, Callable[[Point], float]] = {
 }
 
 
+_MULTIPLIER, _NEAR = {PERIOD_DOUBLING: -1.0, BRANCH_POINT: 1.0}, 1e-2
+"""The multiplier that an orbit has where a test is 0, and how near: roots have it to 1e-4."""
+
+
 def _roots(curve: Curve, a: Point, b: Point) -> list[Place] | None:
     """Return the bifurcations between two points with the same order of events; ``None`` where these are of two curves.
 
-    Along one curve a test passes 0 where its sign changes. That of a torus may jump, as pairs of multipliers end.
+    Along one curve a test passes 0 where its sign changes. That of a torus may jump, as pairs of multipliers end; the
+    conditions of bounces that accumulate are nearly dependent, without a multiplier 1 or -1 (:data:`_MULTIPLIER`).
     """
     found = []
     for flag, test in _TESTS.items():
@@ -330,7 +335,9 @@ def _roots(curve: Curve, a: Point, b: Point) -> list[Place] | None:
         if test(a) * test(b) < 0:
             point = _root(curve, a, b, test)
             if point is not None and abs(test(point)) < _ZERO * max(1.0, size):
-                found.append(Place(point, flag))
+                at = _MULTIPLIER.get(flag)
+                if at is None or np.abs(point.orbit.multipliers - at).min() < _NEAR:
+                    found.append(Place(point, flag))
             elif flag != TORUS:
                 return None
     return sorted(found, key=lambda place: place.arclength)
