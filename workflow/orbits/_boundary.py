@@ -435,7 +435,8 @@ def _is_end(flag: int, q1: float, q2: float, kind: int, U: Array) -> bool:
 def bifurcation_shifts(followed: Followed, points: int, numbers: Sequence[Number]) -> Array:
     """Return by how much bifurcations move with each number, ``(point, number)``, points as of ``tabulate``.
 
-    First order: ∂(value)/∂q times the change. Infinite where the boundary turns, NaN at points without a bifurcation.
+    First order: ∂(value)/∂q times the change. Infinite where the boundary turns, NaN at points without a bifurcation
+    or whose boundary is not found.
     """
     shifts, curve = np.full((points, len(numbers)), np.nan), followed.curve
     places, starts = spread(followed, points)[0], _starts(followed)
