@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from workflow.models import Array, one_thread
-from workflow.orbits._curve import Curve, Point, Problem, signed_distance
+from workflow.orbits._curve import Curve, Point, Problem
 from workflow.orbits._orbit import NOT_FOUND, UNSTABLE, Orbit, scale_of
 from workflow.orbits._settle import Options, Settled, settle, tabulated
 
@@ -299,10 +299,10 @@ def _until_events_change(curve: Curve, a: Point, length: float) -> list[Place]:
 
 
 def _doubling(point: Point) -> float:
-    """Return the test that is 0 where a multiplier is -1, of 1 + DPᵏ by the conditions of the orbit."""
+    """Return the test that is 0 where a multiplier is -1, det(1 + DPᵏ) by the conditions of the orbit."""
     matrix, N = point.residual.matrix.copy(), point.w.size
     matrix[:N, :N] += 2 * np.eye(N)
-    return signed_distance(matrix)
+    return float(np.linalg.det(matrix))
 
 
 def _torus_test(point: Point) -> float:

@@ -87,7 +87,7 @@ class Point:
     row: Array
     """… in the scalar product with this row, without velocities and times, which vibrations after an impact change."""
     regular: float
-    """:func:`signed_distance` of the curve's conditions and the row: 0 where another curve crosses."""
+    """Determinant of the curve's conditions and the row: 0 where another curve crosses."""
     arclength: float = 0.0
     """Arclength."""
 
@@ -353,7 +353,7 @@ class Curve:
         row = tangent.copy()
         row[n : 2 * n] = row[N:-1] = 0.0
         length = np.sqrt(row @ tangent)
-        regular = signed_distance(np.vstack([matrix[:-1], row / length]))
+        regular = float(np.linalg.det(np.vstack([matrix[:-1], row / length])))
         return Point(residual, tangent / length, row / length, regular)
 
     def _charts(self, flow: Flow) -> tuple[Array, Array]:
@@ -401,14 +401,6 @@ class Curve:
             return np.append(out @ flow.march(X, frame.was_closed, begin, later * span).X, u[-1])
         X = shoot(flow, frame.word, X, begin, span, times).at(later, i)
         return np.concatenate([out @ X, times[i:] - later, times[:i] + 1 - later, u[-1:]])
-
-
-def signed_distance(matrix: Array) -> float:
-    """Return the distance of a matrix from a singular one, with the sign of its determinant.
-
-    The determinant itself is rounding where many bounces, each lower than the one before, are conditions.
-    """
-    return float(np.linalg.slogdet(matrix)[0] * np.linalg.svd(matrix, compute_uv=False)[-1])
 
 
 def section_beside(times: Array) -> float | None:
