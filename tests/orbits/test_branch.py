@@ -120,6 +120,28 @@ def test_every_rub_of_a_branch_is_a_motion_that_repeats() -> None:
     assert max(relative(motion.X, motion.start) for motion in motions) < 1e-6  # a grazing halves the digits
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 2, 3, 5, 7, 8, 12, 16])
+def test_rubs_of_random_branches_repeat_and_marks_have_their_multiplier(seed: int) -> None:
+    """Over the frequency of the load of one to three modes; low bounces that accumulate are no doubling."""
+    rng = np.random.default_rng(seed)
+    n = rng.integers(1, 4)
+    omega, w = TURN * np.sort(rng.uniform(80, 1500, n)), rng.uniform(3, 10, n) * rng.choice([-1, 1], n)
+    modes = {"mass": np.eye(n), "stiffness": np.diag(omega**2), "contact": w.tolist()}
+    structure = of_entries(modes | {"damping": np.diag(rng.uniform(0.006, 0.06, n) * omega)})
+    way = float(np.sum(w**2 / omega**2))
+    scene = cases(
+        structure, e=rng.uniform(0.05, 0.9), gap=way * rng.uniform(0, 6), amplitude=rng.uniform(1, 4), phase=0.3
+    )
+    trace = follow(along("omega", structure, scene), 0.6 * omega[0], 1.4 * omega[0], Options(samples=4)).trace
+    for point, flag in trace:
+        motion, multipliers = point.orbit.motion, point.orbit.multipliers
+        assert relative(motion.X, motion.start) < 1e-4  # the last of many bounces have few digits
+        name = BIFURCATIONS[flag]
+        if name in ("fold", "period_doubling", "branch_point"):
+            assert np.abs(multipliers - (-1 if name == "period_doubling" else 1)).min() < 1e-4
+
+
 def test_behind_a_grazing_a_branch_turns_back_to_a_rub_far_from_it() -> None:
     """The free motion grazes at 4/50 + 10 |H|; the impacting one goes back to its fold and is stable behind it."""
     structure = chain(nodes=1, mass=2.0, stiffness=50.0, damping=Rayleigh(0.12, 0.002))
