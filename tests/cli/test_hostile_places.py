@@ -82,7 +82,7 @@ def test_what_is_somebody_else_s_in_the_place_of_the_shards_stays(name: str, fau
     "texts",
     [
         {"resolved": "[" * 100_000, "study": ""},
-        {"resolved": '{"scene": {"duration": "long"}}', "study": "[" * 50_000},
+        pytest.param({"resolved": '{"scene": {"duration": "long"}}', "study": "[" * 50_000}, marks=pytest.mark.slow),
         {"resolved": "no JSON", "versions": "[" * 50_000, "solver_version": "\x1b[31m"},
     ],
     ids=lambda texts: next(f"{name} {text[:9]!a}" for name, text in texts.items()),

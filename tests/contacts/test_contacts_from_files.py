@@ -78,7 +78,7 @@ def study(place: Path, model: dict[str, Any], axes: dict[str, Any] | None = None
     return read_study(place / "study.yaml")
 
 
-@pytest.mark.parametrize(("count", "massless"), [(3, False), (3, True), (1, True)])
+@pytest.mark.parametrize(("count", "massless"), [pytest.param(3, False, marks=pytest.mark.slow), (3, True), (1, True)])
 def test_a_table_of_all_modes_is_its_matrices(count: int, massless: bool, tmp_path: Path) -> None:
     """Contacts, tangents, heat and residuals of tables, exact and stepped, are those of the file of matrices."""
     made = entries(count, massless)

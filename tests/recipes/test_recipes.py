@@ -294,6 +294,7 @@ def test_what_numba_cannot_compile_of_a_law_is_said_with_its_line(command: Calla
     assert "Failed in" not in said
 
 
+@pytest.mark.slow
 def test_cases_of_an_edited_scheme_from_outside_are_other_ones(
     command: Callable[..., tuple[str, str]], tmp_path: Path
 ) -> None:

@@ -174,6 +174,7 @@ def test_a_page_is_readable_at_400_pixels(page: Path) -> None:
     assert 1 <= shown <= 3
 
 
+@pytest.mark.slow
 def test_maps_of_a_scene_stand_below_each_other_at_400_pixels(tmp_path: Path) -> None:
     """Two beside each other on a wide screen; on a narrow one nothing of them is out of sight."""
     study = "study: rub\n" + SCENE + "axes: {scheme: event_driven, e: {lin: [0, 0.6, 4]}, alpha: {lin: [0, 2, 5]}}\n"

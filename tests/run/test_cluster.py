@@ -85,6 +85,7 @@ def computed(notes: Path) -> list[tuple[int, str]]:
     return [(int(line.split()[0]), line.split(maxsplit=1)[1]) for line in lines]
 
 
+@pytest.mark.slow
 def test_a_worker_of_a_real_scheduler_is_killed_in_the_middle(tmp_path: Path, expected: str) -> None:
     study, notes, archive = written(STUDY, tmp_path), tmp_path / "notes", tmp_path / "many.nc"
     with (

@@ -26,6 +26,9 @@ _STARTS = (0.0, 1.0, 0.5, 0.25, 0.75)
 _FIRST, _LARGEST, _LEAST = 1e-2, 0.25, 1e-9
 """First, largest and least step along the curve, on which range and motion have length 1."""
 
+_NEAREST = 1e-6
+"""Distance from the doubling of half its period at which a branch ends that does not go on from there."""
+
 _FAR = 4.0
 """Norm of the temperatures of w at which an unstable branch ends: they may grow without bound."""
 
@@ -212,6 +215,9 @@ def _followed(curve: Curve, first: Point) -> list[Place]:
             continue
         if here.orbit.order % 2 == 0 and _exchanges_halves(curve, here, found):
             found = _with_equal_halves(curve, here)
+            if found is None and step > _NEAREST:
+                step /= 2
+                continue
             if found is None:
                 return [*trace[:-1], Place(here, PERIOD_DOUBLING)]
         passed = _joined(curve, here, found)
