@@ -15,7 +15,7 @@ from typing import Any, Protocol, cast
 from threadpoolctl import ThreadpoolController
 
 from workflow.kernels import Array
-from workflow.models._cases import Cases, EndState, Harmonics, distinct_rows, period_frequency, project
+from workflow.models._cases import Cases, EndState, Harmonics, distinct_rows, period_frequency, project, row_totals
 from workflow.models._coating import AT_BORDER, MOST_SECTORS, Coating, coated_forces
 from workflow.models._contact_basis import ContactBasis, analyse_contacts
 from workflow.models._contact_coordinates import ContactsLast, contacts_last, independent_rows

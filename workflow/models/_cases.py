@@ -252,6 +252,11 @@ def project(matrix: Array, states: Array) -> Array:
     return result if matrix.ndim == 2 else result[:, 0]
 
 
+def row_totals(terms: Array) -> Array:
+    """Return the sum of each row ``(row, …)``, with the same bits for a row alone and among others."""
+    return project(np.ones(terms.shape[1]), terms)
+
+
 @kernel
 def _add_products(columns: Array, states: Array, result: Array) -> None:
     """Add to each row of the result the columns of a matrix times the entries of a state, one after another."""

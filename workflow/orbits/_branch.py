@@ -41,6 +41,10 @@ _ROOT, _ZERO, _APART = 1e-12, 1e-6, 1e-3
 """Accuracy in arclength of roots of a test, which is 0 up to ``_ZERO`` of its values; distance of two grazings."""
 
 
+_MULTIPLIER, _NEAR = {PERIOD_DOUBLING: -1.0, BRANCH_POINT: 1.0}, 1e-2
+"""The multiplier that an orbit has where a test is 0, and how near: roots have it to 1e-4."""
+
+
 class Place(NamedTuple):
     """A point of a branch and its bifurcation."""
 
@@ -251,7 +255,8 @@ def _bend(a: Point, b: Point) -> float:
 def _exchanges_halves(curve: Curve, a: Point, b: Point) -> bool:
     """Tell whether the halves of a rub's period become each other, as beyond the doubling of half its period.
 
-    Their difference d changes by -2 Δw there; it jumps where an impact passes the middle of the period.
+    Their difference d changes by -2 Δw there, at most twice that is taken; where an impact passes the middle of the
+    period d jumps.
     """
     before, after = (curve.between_halves(point) for point in (a, b))
     return bool(before @ after < 0 and np.linalg.norm(after - before) < 4 * np.linalg.norm(b.w - a.w))
@@ -323,10 +328,6 @@ _TESTS: dict[int, Callable[[Point], float]] = {
     TORUS: _torus_test,
     BRANCH_POINT: lambda point: point.regular,
 }
-
-
-_MULTIPLIER, _NEAR = {PERIOD_DOUBLING: -1.0, BRANCH_POINT: 1.0}, 1e-2
-"""The multiplier that an orbit has where a test is 0, and how near: roots have it to 1e-4."""
 
 
 def _roots(curve: Curve, a: Point, b: Point) -> list[Place] | None:

@@ -308,7 +308,7 @@ def _cases(part: xr.Dataset, order: Sequence[int], scene: Mapping[str, Any]) -> 
 
     ``None`` where the archive keeps none of these.
     """
-    if "growth_rate" in part:  # which tells nothing of the heat where a contact makes none
+    if "growth_rate" in part:  # nothing is to be extrapolated where contact does not heat
         part = part.assign(growth_rate=part["growth_rate"].where(part["alpha"] > 0))
     names = [name for name in HISTORIES if name in part] if "t" in part.coords and part.sizes["t"] > 1 else []
     orbits = ORBIT if ORBIT[0] in part and "point" not in part.dims else ()

@@ -389,7 +389,7 @@ def _sweep(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
     duration = Fraction(repr(cases.scene.duration))
     for h in _steps(cases):
         count = duration / Fraction(repr(h))
-        if abs(count - max(1, round(count))) > Fraction(1, 10**9):  # that of the number of steps
+        if abs(count - max(1, round(count))) > Fraction(1, 10**9):  # the tolerance of their number
             remedy = f"write e.g. {float(duration / max(1, round(count))):.12g} s"
             yield source.axes.get("h", ("h",)), f"{h!r} s does not divide the duration, as a sweep needs", remedy
             return

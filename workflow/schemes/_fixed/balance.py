@@ -80,7 +80,7 @@ from workflow.kernels.packs import (
     store,
     where,
 )
-from workflow.models import Array, Cases, ContactBasis, Structure, project
+from workflow.models import Array, Cases, ContactBasis, Structure, project, row_totals
 from workflow.schemes._fixed.blocks import Blocks, modes_at
 from workflow.schemes._fixed.contact import End, contact_gain, count_of, was_pressed
 from workflow.schemes._fixed.free_motion import (
@@ -390,9 +390,8 @@ class Balances:
             self._unscale = self._at_tip / np.where(self._at_tip, modal.normal[0], 1.0)
             own, doubly = self._at_tip[:, None] * drives(blocks, cases)[0], 0.5 * step.tip.h * modal.damping[:, None]
             impulse = self._at_tip[:, None] * inputs[0, : v.shape[0]]
-            each = np.ones(v.shape[0])
-            named_rows(Totals, sums).square += project(each, ((0.5 * doubly * own[0] + impulse) * own[0]).T)
-            named_rows(Totals, sums).square += project(each, (inputs[0, v.shape[0] :] * own[1]).T)
+            named_rows(Totals, sums).square += row_totals(((0.5 * doubly * own[0] + impulse) * own[0]).T)
+            named_rows(Totals, sums).square += row_totals((inputs[0, v.shape[0] :] * own[1]).T)
             self.rows = {"impulse_work": self._unscale[:, None] * (doubly * own[0] + impulse)}
         self.rows["sums"] = sums
 
@@ -494,7 +493,7 @@ class Balances:
         """
         modal, cases, begun = self._blocks.modal, self._cases, self._begun
         mobility, h = np.sum(modal.load**2), self._free.contact.h
-        drifts = project(np.ones(len(begun.steady)), np.abs(begun.steady).T) / h
+        drifts = row_totals(np.abs(begun.steady).T) / h
         impulse = elapsed * (np.abs(cases.mean) + cases.load_harmonics.reach)
         return np.asarray(0.5 * mobility * (REST * impulse) ** 2 + 0.5 * (REST * elapsed * drifts) ** 2)
 

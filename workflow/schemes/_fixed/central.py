@@ -116,7 +116,7 @@ class Differences:
         )
 
     def first_velocity(self, modal: ContactBasis, h: float, cases: Cases, begins: Start, force: Array) -> Array:
-        """Return w_-½ = v_0 - (h/2) a_0 of the modes, ``(case, mode)``, a_0 by no contact but springs' ``force``."""
+        """Return w_-½ = v_0 - (h/2) a_0 of the modes, ``(case, mode)``, with a_0 under springs' ``force`` alone."""
         velocity = project(modal.to_modes, cases.velocity)
         acceleration = project(modal.shapes.T, cases.steady) + cases.load_at(0.0)[:, None] * modal.load
         damped = modal.damping * velocity if modal.damping_matrix is None else project(modal.damping_matrix, velocity)

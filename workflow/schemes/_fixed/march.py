@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from workflow.kernels.compiled import by_type, defines, inlined, kernel
 from workflow.kernels.lanes import PACK, ROW, cached_lanes, lane_rows, lane_table, named_rows, rows_in, several_rows
 from workflow.kernels.packs import Lane, Pack, broad, lanes_of, narrow, pack, spread
-from workflow.models import Array, Cases, Structure, project
+from workflow.models import Array, Cases, Structure, project, row_totals
 from workflow.schemes._fixed import balance, stepping
 from workflow.schemes._fixed.balance import Account, Balances, dense_of
 from workflow.schemes._fixed.blocks import Blocks
@@ -336,8 +336,7 @@ def _ended(
     )
     metrics = {"thermal_closing": closing.max(axis=1)}
     if contact.rebounds:
-        each = np.ones(begun.closing.shape[1])
-        metrics |= effective_restitution(*(project(each, acts[name].T) for name in ("approached", "separated")))
+        metrics |= effective_restitution(row_totals(acts["approached"].T), row_totals(acts["separated"].T))
     end = None
     if sampling.ends:
         unscale = 1 / np.where(blocks.scale == 0, np.inf, blocks.scale)[:, None]

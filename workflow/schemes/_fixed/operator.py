@@ -73,8 +73,9 @@ class Operator:
         h, contact, blocks = self.h, self.contact, self.blocks if heated else self.blocks.without_heat()
         flexibility = 1 / contact.stiffness if contact.stiffness > 0 else 0.0
         drive, begins = start_of(self.structure, cases, h, blocks.step.theta, sampling.duration, flexibility)
-        moves = not self.structure.contacts.is_compliant  # else only its place is known
-        force = contact.force(begins.displacement - begins.gap, moves * begins.speed)
+        # a contact without mass starts in balance with its spring alone
+        speed = np.zeros_like(begins.speed) if self.structure.contacts.is_compliant else begins.speed
+        force = contact.force(begins.displacement - begins.gap, speed)
         velocity = self.method.first_velocity(blocks.modal, h, cases, begins, force)
         ended = step_batch(self.structure, blocks, contact, cases, velocity, force, sampling, drive, begins)
         # squared: the state of a growing contact may be finite where its energy is not

@@ -14,7 +14,7 @@ import numpy as np
 from workflow.kernels import Array
 from workflow.kernels.compiled import kernel
 from workflow.kernels.lanes import LANES, lane_table, named_rows, rows_in
-from workflow.models import Cases, EndState, Structure, project, static_growth
+from workflow.models import Cases, EndState, Structure, project, row_totals, static_growth
 from workflow.schemes._fixed.balance import Balance
 from workflow.schemes._fixed.loads import Start
 from workflow.schemes._fixed.operator import judged
@@ -38,11 +38,6 @@ from workflow.schemes._interface import Results, Sampling
 
 States = tuple[Array, Array, Array]
 """Displacement and velocity ``(case, mechanical)``, temperature ``(case, thermal)``."""
-
-
-def row_totals(terms: Array) -> Array:
-    """Return the sum of each row, ``(row,)``, with the same bits for a case alone and among others."""
-    return np.asarray(np.ascontiguousarray(terms).sum(axis=1))
 
 
 class PlainBalance:
